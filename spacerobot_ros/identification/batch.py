@@ -68,10 +68,10 @@ def identify_robot(
         return Identification(solve_least_squares(record, robot, settings, noise, source))
     model = model_of(robot, settings)
     finding, kinematics = _likeliest(model, settings, record, noise)
-    if finding.chi2_per_dof > LARGEST_CHI2:
+    if finding.doubt or finding.chi2_per_dof > LARGEST_CHI2:
         kept, left_out = screened(record, noise)
         again = _likeliest(model, settings, kept, noise)[0] if left_out else finding
-        if again.chi2_per_dof <= LARGEST_CHI2:
+        if not again.doubt and again.chi2_per_dof <= LARGEST_CHI2:
             finding, record, notes = again, kept, (*notes, *left_out)
             faults = contradictions(kept)
         else:

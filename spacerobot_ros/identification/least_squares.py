@@ -11,9 +11,12 @@ this is the comparison.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial.transform import Slerp
 
+from ..dynamics.rotation import skew
 from ..errors import ConfigurationError, IdentificationError
 from ..estimation.filters.momentum_process import MomentumModel
 from ..estimation.trajectory.reference import Kinematics, NoiseLevels
@@ -26,6 +29,8 @@ from ..types import Array
 from .estimate import Estimate
 from .summary import Source, too_weak, unexplained
 from .validity_limits import LARGEST_CHI2, WEAKLY_KNOWN
+
+_STEP = 1e-5  # rad, for derivatives by joint positions
 
 
 def sampled_motion(record: Record) -> Kinematics:
@@ -99,7 +104,7 @@ def solve_least_squares(
     root = marginal(information.factor, np.arange(3, len(constants)))[:, :-1]
     singular = np.linalg.svd(root / np.linalg.norm(root, axis=0), compute_uv=False)
     weak = _weak_directions(root * _sizes(constants[3:], n))
-    chi2 = _chi2(robot, motion, missing, noise) / dof
+    chi2 = _chi2(robot, minimal, motion, constants, noise) / dof
     aam, std = constants[3 : 3 + n], np.sqrt(np.diag(covariance)[3 : 3 + n])
     limit = settings.valid_std * max(float(np.linalg.norm(aam)), 1e-9)
     reason = '; '.join(source.faults)
@@ -154,15 +159,27 @@ def _describe(direction: Array, names: tuple[str, ...]) -> str:
     return ' '.join(terms).removeprefix('+')
 
 
-def _chi2(robot: Robot, motion: Kinematics, missing: Array, noise: NoiseLevels) -> float:
-    """Missing momentum (N, 3) as a body-rate error, weighted by the sensors' noise."""
-    model = MomentumModel(robot, 'generic')
-    rate = model.linearize(motion, model.prior())
-    inverse = rate.constants[..., :3] @ motion.matrices
-    offset = np.einsum('nab,nb->na', inverse, missing)
-    levels = [noise.attitude, noise.joint_position, noise.joint_velocity]
-    variance = np.repeat(np.square(levels), [3, model.n, model.n])
-    covariance = (rate.state * variance) @ np.swapaxes(rate.state, 1, 2)
-    covariance += noise.gyro**2 * np.eye(3)
-    weighted = np.linalg.solve(covariance, offset[..., None])[..., 0]
-    return float(np.sum(offset * weighted))
+def _chi2(
+    robot: Robot, minimal: MinimalSet, motion: Kinematics, constants: Array, noise: NoiseLevels
+) -> float:
+    """Sum of squares of the missing momentum, weighted by what noise of the sensors makes of it."""
+
+    def missing(q: Array) -> Array:
+        columns = momentum_columns(robot, minimal, replace(motion, q=q))
+        return np.asarray(columns @ constants - robot.servicer_wheels.body_momentum)
+
+    n, x = motion.q.shape[1], constants[len(constants) - len(minimal) :]
+    u = np.hstack([motion.omega, motion.qd])
+    M = minimal.tree.equation(motion.q, u, minimal.matrix(x), np.zeros((n + 1, 3)))[..., :-1]
+    total = motion.rotation.inv().apply(constants[:3])
+    steps = _STEP * np.eye(n)
+    by_q = [(missing(motion.q + s) - missing(motion.q - s)) / (2.0 * _STEP) for s in steps]
+    parts = [
+        noise.gyro * M[:, :3, :3],
+        noise.joint_velocity * M[:, :3, 3:],
+        noise.joint_position * np.stack(by_q, axis=2),
+        noise.attitude * skew(total),
+    ]
+    covariance = sum(part @ np.swapaxes(part, 1, 2) for part in parts)
+    left = missing(motion.q)
+    return float(np.sum(left * np.linalg.solve(covariance, left[..., None])[..., 0]))

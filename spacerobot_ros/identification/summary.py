@@ -103,7 +103,7 @@ def conclude(
     """
     posterior = finding.posterior
     far = contradictions_of_file(model, posterior)
-    reason = '; '.join(source.faults) or finding.doubt or _doubt(model, settings, finding, far)
+    reason = '; '.join(source.faults) or _doubt(model, settings, finding, far)
     estimate = Estimate(
         method=finding.method,
         valid=not reason,
@@ -261,11 +261,13 @@ def _doubt(
 ) -> str:
     """Why the data do not suffice; empty where they do."""
     posterior = finding.posterior
-    if finding.chi2_per_dof > LARGEST_CHI2:
+    if finding.chi2_per_dof > LARGEST_CHI2 and not finding.doubt:
         return unexplained(finding.chi2_per_dof)
     if posterior.bodies.above > 0.5:
         which = f' ({far[0]})' if far else ''
         return f'the data contradict the bodies of the robot file{which}'
+    if finding.doubt:
+        return finding.doubt
     aam, std = posterior.mean[model.aam], np.sqrt(np.diag(posterior.covariance))[model.aam]
     limit = settings.valid_std * max(float(np.linalg.norm(aam)), finding.joint_share, 1e-9)
     if len(aam) and (largest := np.max(std)) > limit:

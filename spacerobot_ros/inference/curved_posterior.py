@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -15,10 +16,9 @@ the linear model has it; of eleven hard flights 1 to 1000 settle in as many step
 _MOST = 150  # steps in all; a dozen where everything is off by a third
 _DECREMENT = 1e-4  # square of the whole shift that is left, in standard deviations
 _SAME_FACTOR = 0.02  # of its logarithm, which the data tell to some 0.1
-_SETTLED = 0.01  # shift of every unknown, in standard deviations
 
 
-class Curve(Protocol):
+class DataCurve(Protocol):
     """What the data tell: values (k,) of unknowns (m,)."""
 
     def told_of(self, y: Array) -> Array:
@@ -37,7 +37,8 @@ class CurvedPosterior(NamedTuple):
     Args:
         slopes: (k, m) derivatives of the values there.
         posterior: Of the unknowns.
-        is_settled: Whether another step would move them by a hundredth of their deviations.
+        is_settled: Whether another step would move them by no more than a hundredth of their
+            deviations in all.
     """
 
     slopes: Array
@@ -46,7 +47,7 @@ class CurvedPosterior(NamedTuple):
 
 
 def curved_posterior(
-    curve: Curve,
+    curve: DataCurve,
     root: Array,
     values: Array,
     std: Array,
@@ -75,20 +76,16 @@ def curved_posterior(
         if change < _SAME_FACTOR or steps <= 0:
             break
         now = posterior.factor
-    for _ in range(max(steps, 1)):  # the average over factors is a little elsewhere
-        step = posterior.mean - problem.y
-        is_settled = np.max(np.abs(step) / np.sqrt(np.diag(posterior.covariance))) < _SETTLED
-        if is_settled:
-            break
-        problem.y = curve.stepped(problem.y, step)
-        slopes, posterior = problem.posterior(factor)
-    return CurvedPosterior(slopes, posterior, bool(is_settled))
+    # the average over factors is a little elsewhere, across the bends
+    return CurvedPosterior(slopes, replace(posterior, mean=problem.y), steps > 0)
 
 
 class _Problem:
     """Least squares of data and prior, at unknowns `y`."""
 
-    def __init__(self, curve: Curve, root: Array, values: Array, std: Array, start: Array) -> None:
+    def __init__(
+        self, curve: DataCurve, root: Array, values: Array, std: Array, start: Array
+    ) -> None:
         self._curve, self._root, self._std, self.y = curve, root, std, start
         self._values = values + root @ curve.told_of(start)
 

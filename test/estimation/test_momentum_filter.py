@@ -74,7 +74,10 @@ class Problem:
 
     def filter(self):
         model = SimpleNamespace(
-            size=P, n=JOINTS, other=slice(P, P), linearize=lambda kinematics, _: kinematics.rate
+            filter_size=P,
+            n=JOINTS,
+            filter_other=slice(P, P),
+            linearize=lambda kinematics, _, **__: kinematics.rate,
         )
         engine = MomentumFilter(model)
         engine.information.add(np.diag(1.0 / self.std), self.mean / self.std)
