@@ -114,13 +114,16 @@ class MaximumLikelihood:
 
     @property
     def misfit(self) -> tuple[float, int]:
-        """Sum of squared residuals of the data so far, and their number of rows.
+        """Sum of squared residuals of the data so far at the estimate, and their number of rows.
 
         What is beyond six standard deviations of a row does not count, so that a lone outlier
         that was not found is no misfit; what it does to the others' residuals is.
         """
         information = self._filter.information
-        return max(information.residual - self._beyond, 0.0), information.rows
+        change = self._told_change(self.posterior().mean)
+        left = information.factor[:, -1] - information.factor[:, :-1] @ change
+        squares = information.residual + float(left @ left) - self._beyond
+        return max(squares, 0.0), information.rows
 
     def solve(self, stretch: Stretch) -> None:
         """Estimate from a stretch alone, from the prior or from what was found last.
