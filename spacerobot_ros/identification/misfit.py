@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from .summary import unexplained
-from .validity_limits import LARGEST_CHI2
+from .validity_limits import LARGEST_CHI2, SUSPICIOUS, SUSPICIOUS_SCATTER
 
 _FORGIVEN = 2  # stretches in a row that contradict what was learned, before that is doubted
 
@@ -34,8 +34,21 @@ class Misfit:
 
         By what they add to it: a long run before them must not hide them.
         """
-        chi2 = (residual - self.residual) / max(1, rows - self.rows)
-        return '' if chi2 <= LARGEST_CHI2 else unexplained(chi2)
+        new = max(1, rows - self.rows)
+        chi2 = (residual - self.residual) / new
+        return '' if chi2 <= self._largest(new) else unexplained(chi2)
+
+    def _largest(self, new: int) -> float:
+        """Chi-square per degree of freedom up to which new rows are of the same model.
+
+        A single stretch is left out where it is clearly worse than those before; where the next
+        is, too, noise may have grown.
+        """
+        if not self.rows or self.contradicted:
+            return LARGEST_CHI2
+        scatter = SUSPICIOUS_SCATTER * (2.0 / new) ** 0.5
+        usual = self.residual / self.rows
+        return min(LARGEST_CHI2, usual * max(SUSPICIOUS, 1.0 + scatter))
 
     def left_out(self) -> Misfit:
         """Of another segment, behind data that were not used."""

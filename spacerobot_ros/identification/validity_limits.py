@@ -7,6 +7,10 @@ LARGEST_CHI2 = 2.0
 deviations below it understate errors by at most a factor of 1.4; a right model with the stated
 noise scatters by 0.01 in 20 s of 100 Hz (test_maximum_likelihood), so it is never refused."""
 
+SUSPICIOUS, SUSPICIOUS_SCATTER = 1.25, 5.0
+"""Chi-square of a new stretch over that of all before, and by how many of its standard deviations
+it is higher, from both of which on the stretch is left out once: by chance once in 3 million."""
+
 FROM_DATA, FROM_FILE = 0.9, 0.1
 """Share by which data shrank a number's variance, above and below which it is from the data or
 from the file alone: beyond the first the prior bends it by a tenth of its deviation at most."""
