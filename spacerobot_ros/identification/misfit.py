@@ -34,21 +34,20 @@ class Misfit:
 
         By what they add to it: a long run before them must not hide them.
         """
-        new = max(1, rows - self.rows)
-        chi2 = (residual - self.residual) / new
-        return '' if chi2 <= self._largest(new) else unexplained(chi2)
+        chi2 = (residual - self.residual) / max(1, rows - self.rows)
+        return '' if chi2 <= LARGEST_CHI2 else unexplained(chi2)
 
-    def _largest(self, new: int) -> float:
-        """Chi-square per degree of freedom up to which new rows are of the same model.
+    def suspicion(self, residual: float, rows: int) -> str:
+        """What to say of a stretch that is clearly worse than those before.
 
-        A single stretch is left out where it is clearly worse than those before; where the next
-        is, too, noise may have grown.
+        A single one is left out; where the next is, too, noise may have grown.
         """
+        new = max(1, rows - self.rows)
         if not self.rows or self.contradicted:
-            return LARGEST_CHI2
-        scatter = SUSPICIOUS_SCATTER * (2.0 / new) ** 0.5
-        usual = self.residual / self.rows
-        return min(LARGEST_CHI2, usual * max(SUSPICIOUS, 1.0 + scatter))
+            return ''
+        chi2, usual = (residual - self.residual) / new, self.residual / self.rows
+        limit = max(SUSPICIOUS, 1.0 + SUSPICIOUS_SCATTER * (2.0 / new) ** 0.5)
+        return '' if chi2 <= limit * usual else unexplained(chi2)
 
     def left_out(self) -> Misfit:
         """Of another segment, behind data that were not used."""

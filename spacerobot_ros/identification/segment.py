@@ -122,6 +122,8 @@ class Segment:
         """Run through what is new up to a time [s]; why it does not fit, empty where it does."""
         if self._noise is not None and not (self._is_whole(end) and self._is_rerun_due(end)):
             self._run_new(record, end, *newest)
+            if suspicion := self.misfit.suspicion(*self.likelihood.misfit):
+                return suspicion
             doubt = self.misfit.doubt(*self.likelihood.misfit)
             if not (doubt and self._is_whole(end)):
                 return doubt  # otherwise it may be linearized too far away
