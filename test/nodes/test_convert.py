@@ -145,8 +145,9 @@ def test_wrench_is_force_then_torque_in_the_base_frame():
 def estimate(rng):
     return Estimate(
         'ml', True, '', ('link_3',), rng.normal(size=3), ('x', 'y'), rng.normal(size=2),
-        np.diag(rng.uniform(size=5)), 5, 3.0, ('none',), rng.normal(size=3), np.eye(3), 1.1, 7,
-        12_000_000_003,
+        np.diag(rng.uniform(size=5)), 5, 9, 3.0, ('none',), rng.normal(size=3), np.eye(3), 1.1, 7,
+        12_000_000_003, units=('kg m', 'kg'), prior_factor=0.7,
+        sources=('data', 'both', 'file', 'data', 'data'),
     )  # fmt: skip
 
 

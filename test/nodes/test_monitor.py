@@ -308,6 +308,6 @@ def estimate_of(aam, std, stamp_ns):
     return Estimate(
         method='online', valid=True, reason='', aam_links=('link_3',), aam=np.array(aam),
         parameter_names=(), parameters=np.zeros(0), covariance=std**2 * np.eye(3), rank=3,
-        condition=1.0, unexcited=(), total_momentum=np.zeros(3),
+        unknowns=3, condition=1.0, unexcited=(), total_momentum=np.zeros(3),
         total_momentum_covariance=np.eye(3), chi2_per_dof=1.0, samples=1, stamp_ns=stamp_ns,
     )  # fmt: skip

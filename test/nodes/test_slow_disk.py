@@ -54,9 +54,9 @@ def bench(rig, servicer, disk, monkeypatch, tmp_path):
     more = {'simulator.lockstep': False, 'identifier.save_file': str(tmp_path / 'known.json')}
     bench = Bench(rig, servicer, **more)
     bench.path, identifier = tmp_path / 'known.json', bench.node.identifier
-    part = slice(3, identifier.model.x.stop)
-    best = identifier.model.prior()[part]
-    known = Known(part, best, np.eye(len(best)), np.zeros(len(best)))
+    part = slice(3, identifier.model.filter_bodies.stop)
+    size = part.stop - part.start
+    known = Known(part, identifier.model.prior(), np.eye(size), np.zeros(size))
     estimate = replace(identifier.solve(), valid=True, reason='')
     knowledge = Knowledge(identifier.model, known, estimate)
     monkeypatch.setattr(OnlineIdentifier, 'knowledge', property(lambda _: knowledge))
