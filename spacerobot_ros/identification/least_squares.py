@@ -162,7 +162,7 @@ def _describe(direction: Array, names: tuple[str, ...]) -> str:
 def _chi2(
     robot: Robot, minimal: MinimalSet, motion: Kinematics, constants: Array, noise: NoiseLevels
 ) -> float:
-    """Sum of squares of the missing momentum, weighted by what noise of the sensors makes of it."""
+    """Sum of squares of the missing momentum, weighted by what noise makes of it."""
 
     def missing(q: Array) -> Array:
         columns = momentum_columns(robot, minimal, replace(motion, q=q))

@@ -286,7 +286,7 @@ class MaximumLikelihood:
         return self._model.filtered(constants) - self._model.filtered(self.constants)
 
     def _goal(self) -> Array:
-        """(p,) constants to go to from where the filter was linearized; damped, see `DataCurve`."""
+        """(p,) constants to go to from where the filter was linearized, damped."""
         assert self._prior is not None
         if self._model.is_minimal:
             return self.posterior().mean
