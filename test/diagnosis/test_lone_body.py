@@ -209,7 +209,7 @@ def test_identify_tells_ratios_with_their_deviation(box, rng):
     estimate = identify_lone_body(record, box.robot, ()).estimate
 
     assert estimate.valid, estimate.reason
-    assert estimate.unit == ''
+    assert estimate.units == ('',) * len(estimate.parameters)
     true = np.array([OTHER[i, j] for i, j in ((1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])
     error = (estimate.parameters - true / OTHER[0, 0]) / estimate.std
     assert np.max(np.abs(error)) < 4.0
