@@ -28,7 +28,9 @@ from typing import TYPE_CHECKING, Any
 from ..display import Section, Table
 from ..errors import IdentificationError
 from .options import check_file
-from .terminal import print_json, print_sections
+from .terminal import print_json, print_sections, progress
+
+_MOST_ROWS = 60  # of a table; more than five joints have more minimal parameters
 
 if TYPE_CHECKING:
     from ..identification.advice import Advice
@@ -46,6 +48,7 @@ def run(args: argparse.Namespace) -> int:
     from ..identification.advice import advise_on
     from ..identification.batch import identify_robot
     from ..identification.lone_body import identify_lone_body
+    from ..identification.validity_limits import MOST_PASSES
     from ..model.writer import write_robot_file
     from ..sensing.sensor_faults import corrected_record
 
@@ -58,7 +61,9 @@ def run(args: argparse.Namespace) -> int:
         record = corrected_record(record, file.robot, file.effects)
     robot, settings = file.believed, file.settings.identifier
     if file.robot.joints:
-        result = identify_robot(record, robot, settings, args.method)
+        with progress() as stage:
+            advance = stage('identifying, passes', MOST_PASSES)
+            result = identify_robot(record, robot, settings, args.method, advance)
         minimal = minimal_set(robot, settings.structure)
         groups = list(standard_parameters(robot, minimal, settings.structure))
         advice = []
@@ -113,7 +118,10 @@ def _sections(
     title = 'minimal inertial parameters, each with the numbers of the bodies that it groups'
     names, values = estimate.parameter_names, estimate.parameters
     found = zip(names, values, std[n:], estimate.units, sources[n:], groups, strict=True)
-    yield _estimates(title, found)
+    if len(names) <= _MOST_ROWS:
+        yield _estimates(title, found)
+    else:
+        yield Section('', [f'{len(names)} minimal inertial parameters: --json has them'])
     head = (
         f'method {estimate.method}, {estimate.samples} samples, rank {estimate.rank} of '
         f'{estimate.unknowns}, condition {estimate.condition:.4g}, '

@@ -41,7 +41,11 @@ def identify(
 
 @np.errstate(over='ignore', invalid='ignore', divide='ignore')  # what is not finite is no solution
 def identify_robot(
-    record: Record, robot: Robot, settings: IdentifierSettings, method: str = 'ml'
+    record: Record,
+    robot: Robot,
+    settings: IdentifierSettings,
+    method: str = 'ml',
+    on_pass: Callable[[int], None] = lambda _: None,
 ) -> Identification:
     """Estimate wheel momentum, bodies and minimal parameters from a record.
 
@@ -51,6 +55,7 @@ def identify_robot(
         settings: The identifier's settings.
         method: `ml` (maximum likelihood on the momentum filter), `recursive` (the same as the
             identifier node does it, sample by sample) or `ls` (the paper's least squares).
+        on_pass: Called with the number of passes of `ml` that are done.
 
     Raises:
         IdentificationError: unknown method, or a record without what is needed.
@@ -67,7 +72,7 @@ def identify_robot(
         source = _source(record, notes, faults)
         return Identification(solve_least_squares(record, robot, settings, noise, source))
     model = model_of(robot, settings)
-    finding, kinematics = _likeliest(model, settings, record, noise)
+    finding, kinematics = _likeliest(model, settings, record, noise, on_pass)
     if finding.doubt or finding.chi2_per_dof > LARGEST_CHI2:
         kept, left_out = screened(record, noise)
         again = _likeliest(model, settings, kept, noise)[0] if left_out else finding
@@ -85,12 +90,16 @@ def _source(record: Record, notes: tuple[str, ...], faults: tuple[str, ...]) -> 
 
 
 def _likeliest(
-    model: MomentumModel, settings: IdentifierSettings, record: Record, noise: NoiseLevels
+    model: MomentumModel,
+    settings: IdentifierSettings,
+    record: Record,
+    noise: NoiseLevels,
+    on_pass: Callable[[int], None] = lambda _: None,
 ) -> tuple[Finding, Kinematics]:
     """What maximum likelihood finds, and the motion that it is of."""
     stretch = prepare(record, noise, find_holds(record, settings.torque_hold_period))
     likelihood = MaximumLikelihood(model, settings)
-    likelihood.solve(stretch)
+    likelihood.solve(stretch, on_pass)
     return finding_of(likelihood, 'ml'), stretch.kinematics
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -125,11 +126,15 @@ class MaximumLikelihood:
         squares = information.residual + float(left @ left) - self._beyond
         return max(squares, 0.0), information.rows
 
-    def solve(self, stretch: Stretch) -> None:
+    def solve(self, stretch: Stretch, on_pass: Callable[[int], None] = lambda _: None) -> None:
         """Estimate from a stretch alone, from the prior or from what was found last.
 
         Passes of the filter about ever better constants; see `curved_posterior` for those that
         are taken within a pass.
+
+        Args:
+            stretch: The stretch.
+            on_pass: Called with the number of passes that are done.
 
         Raises:
             IdentificationError: it is abandoned.
@@ -144,7 +149,8 @@ class MaximumLikelihood:
             self.constants = self.posterior().mean
         best, goal, least = self.constants, self.constants, np.inf
         asked, share = np.full(2, 0.0 if self.is_converged else np.inf), 1.0
-        for _ in range(MOST_PASSES):
+        for done in range(MOST_PASSES):
+            on_pass(done)
             if self.is_abandoned:
                 raise IdentificationError('nobody waits for it any more')
             is_near = bool(asked[1] < (np.inf if self._model.is_minimal else NEAR))

@@ -196,3 +196,16 @@ def test_nodes_in_lockstep_cost_little_beside_what_they_compute(tmp_path, monkey
         steps = len(track(file, None, tmp_path / f'{k}').time)
     assert steps == 301
     assert in_nodes[-1] / steps < 900
+
+
+def test_wheels_at_rest_are_a_valid_answer_of_the_nodes(tmp_path):
+    from spacerobot_ros.demo.run import identify
+
+    file = load_robot_file('config/servicer.yaml')
+    changes = {'reference.duration': 12.0, 'truth.target_momentum': (0.0, 0.0, 0.0)}
+    file = replace(file, settings=file.settings.changed(changes))
+    estimate = identify(file, 1, [tmp_path / 'bag'], lambda *_: None).estimates[-1]
+    assert estimate.valid, estimate.reason
+    std = estimate.std[:3]
+    assert np.max(std) < 0.1  # where wheels that spin have 76 N m s
+    assert np.max(np.abs(estimate.aam) / std) < 4.0
