@@ -121,14 +121,12 @@ class _Problem:
                 step = vectors @ (along / (values + damping))
                 tried = self._curve.stepped(self.y, step * width)
                 reached = self._cost(tried, width)
-                share = (cost - reached) / float(step @ (gradient + damping * step))
-                if share > 0.75:
-                    damping *= 0.2
-                elif not share > 0.25:
-                    damping = max(4.0 * damping, 1e-3)
-                if share > 1e-3:
+                wanted = float(step @ (gradient + damping * step))
+                if cost - reached > 1e-3 * wanted:
+                    damping *= 0.2 if cost - reached > 0.5 * wanted else 1.0
                     cost, self.y = reached, tried
                     break
+                damping = max(10.0 * damping, 1e-3)
         return steps
 
     def _left(self, y: Array) -> Array:
