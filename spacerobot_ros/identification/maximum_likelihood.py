@@ -255,13 +255,10 @@ class MaximumLikelihood:
         assert self._prior is not None
         model, (mean, std) = self._model, self._prior
         self._filter, self._posterior = MomentumFilter(model), None
-        others = np.setdiff1d(np.arange(model.size), np.arange(model.size)[model.y])
-        rows, values = (
-            np.zeros((model.filter_size, model.filter_size)),
-            np.zeros(model.filter_size),
-        )
-        told = np.arange(model.filter_size)[model.filter_bodies]
-        at = np.setdiff1d(np.arange(model.filter_size), told)
+        others = np.delete(np.arange(model.size), model.y)
+        size = model.filter_size
+        rows, values = np.zeros((size, size)), np.zeros(size)
+        at = np.delete(np.arange(size), model.filter_bodies)
         rows[at, at] = 1.0 / std[others]
         values[at] = (mean - self.constants)[others] / std[others]
         if (known := self._known) is not None:
