@@ -396,7 +396,6 @@ def spacerobot(*arguments, **options):
         env=environment,
         capture_output=True,
         text=True,
-        timeout=120,
         check=False,
         **options,
     )
@@ -424,7 +423,6 @@ def test_help_imports_nothing_heavy():
         cwd=ROOT,
         capture_output=True,
         text=True,
-        timeout=60,
         check=True,
     )
     assert done.stderr.strip() == '[]'
@@ -438,7 +436,6 @@ def test_a_reader_that_goes_away_is_no_traceback(bag):
         cwd=ROOT,
         capture_output=True,
         text=True,
-        timeout=120,
         check=False,
     )
     assert 'Traceback' not in done.stderr

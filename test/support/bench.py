@@ -5,6 +5,7 @@ from geometry_msgs.msg import QuaternionStamped
 from sensor_msgs.msg import Imu, JointState
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 from std_srvs.srv import Trigger
+from support.rig import Wall
 
 from spacerobot_ros.nodes.identifier import IdentifierNode
 from spacerobot_ros.ros.convert import compose
@@ -25,7 +26,8 @@ class Bench:
             topic: self.probe.create_publisher(kind, topic, SAMPLES)
             for topic, kind in topics.items()
         }
-        self.node = rig.add(IdentifierNode, parameters, **more)
+        self.node, self.wall = rig.add(IdentifierNode, parameters, **more), Wall()
+        self.node.wall_ns = self.wall.ns
 
     def send(self, topic, message):
         self.publishers[topic].publish(message)
