@@ -126,10 +126,12 @@ def test_time_passes_while_the_simulator_is_active(rig, servicer, monkeypatch):
     wall = Wall()
     monkeypatch.setattr(Pace, 'now', lambda _: wall.ns())
     node = rig.add(SimulatorNode, {**servicer, 'simulator.lockstep': False, 'autostart': False})
-    go = transitions(rig, node)
+    go, heard = transitions(rig, node), rig.listen(rig.plain(), JointState, '/joint_states', STATE)
     assert go(Transition.TRANSITION_CONFIGURE)
-    assert node.step_index == 0
+    assert heard == []
     assert go(Transition.TRANSITION_ACTIVATE)
+    rig.until(lambda: heard)
+    assert node.step_index == 0
     wall.ms = 30
     rig.until(lambda: node.step_index == 3)
     assert go(Transition.TRANSITION_DEACTIVATE)
