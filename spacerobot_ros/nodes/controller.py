@@ -233,12 +233,12 @@ class ControllerNode(SensorNode):
     # ------------------------------------------------------------ commands
 
     def _answer_when_complete(self, joints: tuple[Any, ...]) -> None:
-        if not self._pairing.hold_back(joints):
+        if not self._pairing.hold_back(joints, self.wall_ns()):
             self._answer(joints)
 
     def _on_incomplete(self) -> None:
         """Lockstep with a sensor that stopped: answer without it."""
-        joints = self._pairing.overdue()
+        joints = self._pairing.overdue(self.wall_ns())
         if joints is not None:
             self._answer(joints)
 

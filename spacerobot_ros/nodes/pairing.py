@@ -5,7 +5,6 @@ In lockstep the torque would otherwise depend on which of two messages was handl
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 from ..control.loop import ControlLoop
@@ -32,19 +31,18 @@ class Pairing:
         self._gyro_ns = _period_ns(simulator, 'imu_rate')
         self._attitude_ns = _period_ns(simulator, 'attitude_rate')
 
-    def hold_back(self, joints: tuple[Any, ...]) -> bool:
+    def hold_back(self, joints: tuple[Any, ...], wall_ns: int) -> bool:
         """Keep joint states back until the samples of their stamp are there; whether it does."""
         if not self.is_lockstep or self._is_complete(joints[0]):
             return False
         if self.waiting is None:
-            self._since = time.monotonic_ns()
+            self._since = wall_ns
         self.waiting = joints
         return True
 
-    def overdue(self) -> tuple[Any, ...] | None:
+    def overdue(self, wall_ns: int) -> tuple[Any, ...] | None:
         """Joint states that have waited too long: time would stand still in lockstep."""
-        waited = time.monotonic_ns() - self._since
-        return self.waiting if waited > self._patience_ns else None
+        return self.waiting if wall_ns - self._since > self._patience_ns else None
 
     def _is_complete(self, stamp: int) -> bool:
         streams = [(self._loop.rate_ns, self._gyro_ns)]
