@@ -17,9 +17,6 @@ os.environ['ROS_LOG_DIR'] = tempfile.mkdtemp(prefix='spacerobot-test-log-')
 os.environ['MPLBACKEND'] = 'Agg'
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # as the package does
 
-# a job in the background of a script has Ctrl-C ignored, and so would processes of tests
-signal.signal(signal.SIGINT, signal.default_int_handler)
-
 import hypothesis
 import numpy as np
 import pytest
@@ -27,6 +24,9 @@ import pytest
 hypothesis.settings.register_profile('ci', derandomize=True, deadline=None, database=None)
 hypothesis.settings.register_profile('dev', deadline=None)
 hypothesis.settings.load_profile(os.environ.get('HYPOTHESIS_PROFILE', 'ci'))
+
+# a job in the background of a script has Ctrl-C ignored, and so would processes of tests
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 HAS_ROS = all(importlib.util.find_spec(name) is not None for name in ('rclpy', 'spacerobot_msgs'))
 

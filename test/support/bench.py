@@ -5,11 +5,11 @@ from geometry_msgs.msg import QuaternionStamped
 from sensor_msgs.msg import Imu, JointState
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 from std_srvs.srv import Trigger
-from support.rig import Wall
 
 from spacerobot_ros.nodes.identifier import IdentifierNode
 from spacerobot_ros.ros.convert import compose
 from spacerobot_ros.ros.qos import LATCHED, SAMPLES
+from support.rig import Wall
 
 NAMES = ['joint_1', 'joint_2', 'joint_3']
 MS = 1_000_000
