@@ -1,5 +1,7 @@
 """What every test runs in: no discovery, no logs in the home folder, seeded randomness.
 
+A test finds the process as it began, whatever ran before and whatever started the tests.
+
 The environment is set before anything imports rclpy or numba, which read it once.
 """
 
@@ -7,6 +9,7 @@ import gc
 import importlib.util
 import os
 import shutil
+import signal
 import tempfile
 
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
@@ -21,6 +24,9 @@ import pytest
 hypothesis.settings.register_profile('ci', derandomize=True, deadline=None, database=None)
 hypothesis.settings.register_profile('dev', deadline=None)
 hypothesis.settings.load_profile(os.environ.get('HYPOTHESIS_PROFILE', 'ci'))
+
+# a job in the background of a script has Ctrl-C ignored, and so would processes of tests
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 HAS_ROS = all(importlib.util.find_spec(name) is not None for name in ('rclpy', 'spacerobot_msgs'))
 
@@ -44,6 +50,19 @@ def pytest_collection_finish():
 def pytest_unconfigure():
     """Nothing is left of a session, nor of a process that shares one."""
     shutil.rmtree(os.environ['ROS_LOG_DIR'], ignore_errors=True)
+
+
+@pytest.fixture(autouse=True)
+def unchanged():
+    """Have a test that leaves signals or the folder changed fail, and undo what it set beside."""
+    environ = dict(os.environ)
+    before = os.getcwd(), *map(signal.getsignal, (signal.SIGINT, signal.SIGTERM)), gc.isenabled()
+    yield
+    after = os.getcwd(), *map(signal.getsignal, (signal.SIGINT, signal.SIGTERM)), gc.isenabled()
+    for name in os.environ.keys() - environ.keys():
+        del os.environ[name]
+    os.environ.update({k: v for k, v in environ.items() if os.environ.get(k) != v})
+    assert after == before
 
 
 @pytest.fixture

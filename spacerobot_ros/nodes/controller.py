@@ -68,7 +68,7 @@ class ControllerNode(SensorNode):
         self._answered: Command | None = None  # the last that was no guess in between
         self._arrived_ns = self._takers = 0
         self._watch_period = self.settings.controller.state_timeout / 4.0
-        self._idle = IdleTime(self._watch_period, self.wall_ns)
+        self._idle = IdleTime(self._watch_period, lambda: self.wall_ns())
         self._estimate_note = 'none received'
         self.jump_ns = round(self.settings.controller.state_timeout * 1e9)
         self._efforts = self.create_lifecycle_publisher(JointState, '/joint_commands', STATE)
@@ -142,7 +142,8 @@ class ControllerNode(SensorNode):
         self.loop = ControlLoop(robot, self.settings)
         self._estimates = EstimateCheck(self.loop.robot, self.settings)
         self._names, self._base_link = list(robot.joints), robot.base_link
-        self._pairing = Pairing(self.loop, self.settings.simulator, self._watch_period)
+        idle = IdleTime(self._watch_period, lambda: self.wall_ns())
+        self._pairing = Pairing(self.loop, self.settings.simulator, idle)
         self.is_open = True
         self._subscribe(robot)
         self.create_timer(self._watch_period, self._on_watch, clock=self.steady)

@@ -19,16 +19,16 @@ class Pairing:
     Args:
         loop: Takes the samples; knows the newest gyro sample and attitude.
         simulator: Rates of the simulated sensors, and whether they come in lockstep.
-        period: Of the timer that asks for joint states that are overdue [s].
+        idle: Counts the time between calls of `overdue`.
 
     Raises:
         ConfigurationError: rates that don't divide the control rate.
     """
 
-    def __init__(self, loop: ControlLoop, simulator: SimulatorSettings, period: float) -> None:
+    def __init__(self, loop: ControlLoop, simulator: SimulatorSettings, idle: IdleTime) -> None:
         self.is_lockstep = simulator.lockstep and loop.robot.is_free
         self.waiting: tuple[Any, ...] | None = None
-        self._loop, self._idle = loop, IdleTime(period)
+        self._loop, self._idle = loop, idle
         self._patience_ns = round(simulator.lockstep_timeout * 1e9)
         self._gyro_ns = _period_ns(simulator, 'imu_rate')
         self._attitude_ns = _period_ns(simulator, 'attitude_rate')

@@ -198,7 +198,7 @@ class SimulatorNode(RobotNode):
         self.firings = Firings(section, self._robot, plant.robot, plant.effects, plant.period)
         self._held.clear()
         self._answer.clear()
-        self._waiting = IdleTime(POLL_PERIOD, self.wall_ns)
+        self._waiting = IdleTime(POLL_PERIOD, lambda: self.wall_ns())
         self._repeated_ns = 0
         self._is_late = self._was_connected = False
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import signal
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -10,23 +11,22 @@ from itertools import pairwise
 from pathlib import Path
 
 import rclpy
-from rclpy.exceptions import NotInitializedException, ParameterException
+from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 
 from ..errors import ConfigurationError, SpaceRobotError
-from ..interrupts import interruptible
+from ..interrupts import noted
 from ..model.files import read_yaml
 from .executor import make_executor, spin_once
 from .middleware import set_up_middleware
 from .scheduling import SCHEDULING
 
-_LOOK = 0.1  # s between two looks at whether a signal has ended the context
+_LOOK = 0.1  # s between two looks at whether a signal came
 SWITCH = 5e-4  # s after which a thread that computes lets callbacks go on; a tenth of Python's
 CONFIGURATION = (ConfigurationError, ParameterException, rclpy_implementation.RCLError)
-# RCLError is one; the executor of events reports what a callback raises then as another
-STOPPED = (RuntimeError, rclpy_implementation.InvalidHandle, NotInitializedException)
 
 
 def run_nodes(factories: Sequence[Callable[[], Node]], args: Sequence[str] | None = None) -> int:
@@ -43,28 +43,23 @@ def run_nodes(factories: Sequence[Callable[[], Node]], args: Sequence[str] | Non
     set_up_middleware()
     try:
         _check_parameter_files(sys.argv if args is None else args)
-        with ExitStack() as stack:
-            # an exception within rclpy's calls would pass for an error: it stops them by itself
-            running: list[object] = []
-            stack.enter_context(interruptible(running.copy))
-            running += [stack.enter_context(rclpy.init(args=None if args is None else list(args)))]
-            try:
-                executor = make_executor()
-                for factory in factories:
-                    node = factory()
-                    stack.callback(node.destroy_node)
-                    executor.add_node(node)
-                    stack.callback(executor.remove_node, node)
-                gc.freeze()  # what stays is no garbage: looking for it takes 0.1 s now and then
-                gc.enable()
-                if node.has_parameter('scheduling'):
-                    SCHEDULING[node.get_parameter('scheduling').value]()
-                while rclpy.ok():
-                    spin_once(executor, _LOOK)
-            except STOPPED:
-                if rclpy.ok():  # otherwise stopped while nodes were made, or in a callback
-                    raise
-    except (KeyboardInterrupt, ExternalShutdownException):
+        # noted alone, so that a callback under way finds everything as it was
+        with noted(signal.SIGINT, signal.SIGTERM) as stopped, ExitStack() as stack:
+            own = {'signal_handler_options': SignalHandlerOptions.NO}
+            stack.enter_context(rclpy.init(args=None if args is None else list(args), **own))
+            executor = make_executor()
+            for factory in factories:
+                node = factory()
+                stack.callback(node.destroy_node)
+                executor.add_node(node)
+                stack.callback(executor.remove_node, node)
+            gc.freeze()  # what stays is no garbage: looking for it takes 0.1 s now and then
+            gc.enable()
+            if node.has_parameter('scheduling'):
+                SCHEDULING[node.get_parameter('scheduling').value]()
+            while rclpy.ok() and not stopped:
+                spin_once(executor, _LOOK)
+    except ExternalShutdownException:
         return 0
     except CONFIGURATION as error:
         return _fail(error, 2)

@@ -12,10 +12,10 @@ from support.contracts import schema_of
 
 from spacerobot_ros.cli import main
 
-NAMES = [
+NAMES = sorted(
     path.name.removesuffix('.json')
     for path in (resources.files('spacerobot_ros') / 'schemas').iterdir()
-]
+)
 
 
 @pytest.mark.parametrize('name', NAMES)

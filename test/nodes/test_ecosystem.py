@@ -14,11 +14,13 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64MultiArray
 from support.bench import MS, NAMES
+from support.rig import Wall
 
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.nodes.controller import ControllerNode
 from spacerobot_ros.nodes.identifier import IdentifierNode
 from spacerobot_ros.nodes.monitor import MonitorNode
+from spacerobot_ros.nodes.pace import Pace
 from spacerobot_ros.nodes.sensor_node import TOPICS
 from spacerobot_ros.nodes.simulator import SimulatorNode
 from spacerobot_ros.ros.convert import compose
@@ -90,7 +92,7 @@ def transitions(rig, node):
 
     def go(transition):
         future = client.call_async(ChangeState.Request(transition=Transition(id=transition)))
-        rig.until(future.done, timeout_sec=20.0)
+        rig.until(future.done)
         return future.result().success
 
     return go
@@ -99,6 +101,7 @@ def transitions(rig, node):
 @pytest.mark.parametrize('node_type', FOLLOWING)
 def test_who_follows_sensors_has_a_life_cycle(rig, servicer, node_type):
     node = rig.add(node_type, {**servicer, 'simulator.lockstep': False, 'autostart': False})
+    node.wall_ns = Wall().ns
     drivers, go = Drivers(rig, STATE), transitions(rig, node)
 
     def works(first):
@@ -120,17 +123,23 @@ def test_who_follows_sensors_has_a_life_cycle(rig, servicer, node_type):
     assert go(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
 
 
-def test_time_passes_while_the_simulator_is_active(rig, servicer):
+def test_time_passes_while_the_simulator_is_active(rig, servicer, monkeypatch):
+    wall = Wall()
+    monkeypatch.setattr(Pace, 'now', lambda _: wall.ns())
     node = rig.add(SimulatorNode, {**servicer, 'simulator.lockstep': False, 'autostart': False})
-    go = transitions(rig, node)
+    go, heard = transitions(rig, node), rig.listen(rig.plain(), JointState, '/joint_states', STATE)
     assert go(Transition.TRANSITION_CONFIGURE)
+    assert heard == []
+    assert go(Transition.TRANSITION_ACTIVATE)
+    rig.until(lambda: heard)
     assert node.step_index == 0
-    assert go(Transition.TRANSITION_ACTIVATE)
-    rig.until(lambda: node.step_index > 2, timeout_sec=20.0)
+    wall.ms = 30
+    rig.until(lambda: node.step_index == 3)
     assert go(Transition.TRANSITION_DEACTIVATE)
-    step = node.step_index
+    wall.ms = 5000
     assert go(Transition.TRANSITION_ACTIVATE)
-    assert node.step_index <= step + 10  # what was missed is not made up for
+    wall.ms = 5010
+    rig.until(lambda: node.step_index == 4)  # what was missed is not made up for
     assert go(Transition.TRANSITION_DEACTIVATE)
     assert go(Transition.TRANSITION_CLEANUP)
     assert node.step_index == 0
@@ -142,8 +151,8 @@ def answer(node, name, value):
 
 def test_gains_damping_and_limits_change_while_it_runs(rig, servicer):
     plain = {'simulator.lockstep': False, 'reference.kind': 'hold'}
-    plain |= {'controller.state_timeout': 100.0}  # a busy machine takes its time
     node = rig.add(ControllerNode, servicer, **plain, **{'controller.hold_compensation': False})
+    node.wall_ns = Wall().ns
     drivers = Drivers(rig, STATE)
     sent = rig.listen(drivers.probe, JointState, '/joint_commands', SAMPLES)
     off = np.array([0.0, 0.02, 0.0])

@@ -64,7 +64,7 @@ class Loop:
 
     def run(self, steps):
         self.sim.stop_at = steps
-        self.rig.until(lambda: len(self.tracking) > steps, timeout_sec=120.0)
+        self.rig.until(lambda: len(self.tracking) > steps)
         return np.array(self.errors[:steps])
 
 

@@ -33,12 +33,12 @@ def test_a_sensor_that_never_comes_is_named(bench):
     stamps = iter(range(0, 100_000_000, 10))
 
     def more():
-        ms = next(stamps)
+        ms = bench.wall.ms = next(stamps)
         bench.gyro(ms)
         bench.joint(ms)
         return bench.estimates
 
-    bench.rig.until(more)  # the node waits for the tracker for a second of wall time
+    bench.rig.until(more)  # the node waits for the tracker for a second of its clock, too
     assert bench.status('inputs').message == 'no samples from /attitude'
     assert 'no attitude' in bench.estimates[-1].reason
 

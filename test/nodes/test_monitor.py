@@ -10,9 +10,11 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import QuaternionStamped
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
+from support.rig import Wall
 
 from spacerobot_ros.campaign.hidden.monitor_flights import Flight, in_flight
 from spacerobot_ros.errors import SpaceRobotError
+from spacerobot_ros.nodes import event_recorder
 from spacerobot_ros.nodes.monitor import MonitorNode
 from spacerobot_ros.recording.bags.bag import read_bag
 from spacerobot_ros.recording.bags.bag_writer import BagWriter
@@ -45,6 +47,7 @@ class Bench:
         }
         more = {'monitor.learn': 4.0, **more}
         self.node = rig.add(MonitorNode, parameters, **more)
+        self.node.wall_ns = Wall().ns
 
     def send(self, topic, message):
         self.publishers[topic].publish(message)
@@ -142,7 +145,10 @@ def test_an_event_is_said_on_diagnostics_and_events(rig, parameters):
     )
 
 
-def test_stopped_just_after_an_alarm_it_leaves_the_bag(rig, parameters, nominal, tmp_path):
+def test_stopped_just_after_an_alarm_it_leaves_the_bag(
+    rig, parameters, nominal, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(event_recorder, 'STOP', None)  # however slow the disk is
     # the alarm comes sooner after zero than what is recorded before it
     change = in_flight('gyro_bias', 2e-4, Flight()).changed
     bench = Bench(rig, parameters, **{'monitor.record_folder': str(tmp_path / 'events')})
@@ -171,7 +177,7 @@ def stuck(monkeypatch):
     def wait(bag):
         if not go_on.is_set():
             assert threading.current_thread() is not threading.main_thread()  # of callbacks
-            assert go_on.wait(60.0)
+            go_on.wait()
         return start(bag)
 
     monkeypatch.setattr(BagWriter, '__enter__', wait)

@@ -172,50 +172,32 @@ def test_the_process_says_one_line_and_exits_with_2(capfd, arguments, place):
     assert place in lines[0]
 
 
-def test_a_node_stopped_in_a_callback_exits_with_0(rig):
-    def stopped_while_publishing():
+SIGNALS = [signal.SIGINT, signal.SIGTERM]
+
+
+@pytest.mark.parametrize('number', SIGNALS)
+@pytest.mark.parametrize('is_made', [False, True], ids=['while it is made', 'in a callback'])
+def test_a_signal_ends_a_node_and_nothing_that_is_under_way(rig, number, is_made):
+    done = []
+
+    def stopped():
         node = Node('stopped')
-        publisher = node.create_publisher(String, 'word', 1)
 
         def stop():
-            rclpy.shutdown()
-            publisher.publish(String())
+            signal.raise_signal(number)
+            node.create_publisher(String, 'word', 1).publish(String())
+            done.append(node.get_name())
 
-        node.create_timer(0.001, stop)
+        if is_made:
+            node.create_timer(0.001, stop)
+        else:
+            stop()
         return node
 
-    assert run_nodes([stopped_while_publishing], []) == 0
-
-
-def test_ctrl_c_ends_a_node_and_no_callback(rig):
-    ended = []
-
-    def interrupted():
-        node = Node('interrupted')
-
-        def stop():
-            signal.raise_signal(signal.SIGINT)
-            ended.append(node.get_name())
-
-        node.create_timer(0.001, stop)
-        return node
-
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # as a process begins
-    try:
-        assert run_nodes([interrupted], []) == 0
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert set(ended) == {'interrupted'}
-
-
-def test_a_node_stopped_while_it_is_made_exits_with_0(rig):
-    def stopped_while_made():
-        node = Node('stopped')
-        rclpy.shutdown()
-        node.create_publisher(String, 'word', 1)
-        return node
-
-    assert run_nodes([stopped_while_made], []) == 0
+    before = [signal.getsignal(k) for k in SIGNALS]
+    assert run_nodes([stopped], []) == 0
+    assert done == ['stopped']
+    assert [signal.getsignal(k) for k in SIGNALS] == before
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
@@ -258,7 +240,10 @@ def test_a_node_itself_gets_signals_as_processes_do(monkeypatch):
         return 2
 
     monkeypatch.setattr(entry, 'import_module', lambda *_: Module)
-    assert entry.controller() == 2
+    try:
+        assert entry.controller() == 2
+    finally:
+        gc.enable()
     assert seen == before
 
 

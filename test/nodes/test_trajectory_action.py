@@ -43,13 +43,13 @@ def goal(
 
 def send(arm, wanted, feedback=None):
     future = arm.client.send_goal_async(wanted, feedback_callback=feedback)
-    arm.until(future.done, timeout_sec=30.0)
+    arm.until(future.done)
     return future.result()
 
 
 def result(arm, handle):
     future = handle.get_result_async()
-    arm.until(future.done, timeout_sec=60.0)
+    arm.until(future.done)
     return future.result()
 
 
@@ -93,7 +93,7 @@ def test_can_be_cancelled_replaced_and_stopped(arm):
     second = send(arm, goal(30.0))
     assert 'newer goal' in result(arm, first).result.error_string
     future = second.cancel_goal_async()
-    arm.until(future.done, timeout_sec=30.0)
+    arm.until(future.done)
     assert result(arm, second).status == CANCELED
     third = send(arm, goal(30.0))
     arm.controller.trigger_deactivate()

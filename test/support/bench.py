@@ -9,6 +9,7 @@ from std_srvs.srv import Trigger
 from spacerobot_ros.nodes.identifier import IdentifierNode
 from spacerobot_ros.ros.convert import compose
 from spacerobot_ros.ros.qos import LATCHED, SAMPLES
+from support.rig import Wall
 
 NAMES = ['joint_1', 'joint_2', 'joint_3']
 MS = 1_000_000
@@ -25,7 +26,8 @@ class Bench:
             topic: self.probe.create_publisher(kind, topic, SAMPLES)
             for topic, kind in topics.items()
         }
-        self.node = rig.add(IdentifierNode, parameters, **more)
+        self.node, self.wall = rig.add(IdentifierNode, parameters, **more), Wall()
+        self.node.wall_ns = self.wall.ns
 
     def send(self, topic, message):
         self.publishers[topic].publish(message)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import base64
 import json
 import os
-import select
 import shutil
 import subprocess
 import tempfile
@@ -21,7 +20,6 @@ CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser')
 needs_chromium = pytest.mark.skipif(
     CHROMIUM is None, reason="Debian's package chromium is not installed: no page is opened"
 )
-_PATIENCE = 60.0  # s, a hang guard
 
 
 class Browser:
@@ -127,8 +125,6 @@ class Browser:
 
     def _next(self) -> dict[str, Any]:
         while b'\0' not in self._buffer:
-            ready, _, _ = select.select([self._read], [], [], _PATIENCE)
-            assert ready, 'Chromium does not answer'
             part = os.read(self._read, 1 << 20)
             assert part, 'Chromium has ended'
             self._buffer += part
