@@ -86,6 +86,14 @@ def at_work(processes: dict[str, subprocess.Popen[bytes]], seconds: float) -> Fi
     return {'share': share, 'pss_mb': {name: memory(p) for name, p in processes.items()}}
 
 
+def stop(process: subprocess.Popen[bytes]) -> None:
+    """Wait for a process that was asked to end; one that does not is killed."""
+    try:
+        process.wait(20.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+
+
 def run(names: tuple[str, ...], robot: str, seconds: float) -> Figures:
     """Start processes, watch them, and stop them."""
     processes = {name: start(name, robot) for name in names}
@@ -95,10 +103,7 @@ def run(names: tuple[str, ...], robot: str, seconds: float) -> Figures:
         for process in processes.values():
             process.send_signal(signal.SIGINT)
         for process in processes.values():
-            try:
-                process.wait(20.0)
-            except subprocess.TimeoutExpired:
-                process.kill()
+            stop(process)
 
 
 def table(found: Figures) -> str:
