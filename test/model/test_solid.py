@@ -1,5 +1,7 @@
 """Masses and inertias by Pinocchio's, which shares no code with ours."""
 
+from itertools import pairwise
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -34,7 +36,7 @@ def test_in_another_frame(pairs):
 
 
 def test_together_and_apart(pairs):
-    for (one, a), (other, b) in zip(pairs, pairs[1:], strict=False):
+    for (one, a), (other, b) in pairwise(pairs):
         both = one.joined(other)
         assert_same(both, a + b)
         assert_same(both.without(other), a)
