@@ -1,9 +1,13 @@
 """What nodes load before they are at work: a killed one is waited for, and memory is small."""
 
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+import spacerobot_ros.control
 
 pytestmark = pytest.mark.ros
 
@@ -40,6 +44,25 @@ def test_a_node_loads_what_it_needs_alone(node):
     assert f'spacerobot_ros.nodes.{node}' in loaded
     ours = {f'spacerobot_ros.{place}' for place in (*OUTSIDE, *OTHERS[node])}
     assert not loaded & {*LIBRARIES, *OF_SCIPY, *ours}
+
+
+_SOLVERS = """
+import sys
+from spacerobot_ros.nodes.controller import load_solvers
+load_solvers()
+print(*sys.modules)
+"""
+
+
+def test_a_controller_in_real_time_loads_nothing_in_its_loop():
+    done = subprocess.run(
+        [sys.executable, '-c', _SOLVERS], capture_output=True, check=True, text=True
+    )
+    (folder,) = spacerobot_ros.control.__path__
+    texts = [path.read_text(encoding='utf-8') for path in Path(folder).rglob('*.py')]
+    called = {room for text in texts for room in re.findall(r'(scipy\.\w+)\.', text)}
+    assert called
+    assert called <= set(done.stdout.split())
 
 
 _BEGINS = """
