@@ -128,8 +128,8 @@ def _fix(element: ElementTree.Element, joint: Joint) -> None:
     for child in list(element):
         if child.tag not in ('parent', 'child'):
             element.remove(child)
-    origin = {'xyz': joint.translation, 'rpy': _angles_of(joint.rotation)}
-    written = {key: ' '.join(repr(float(x)) for x in value) for key, value in origin.items()}
+    origin = {'xyz': joint.translation.tolist(), 'rpy': _angles_of(joint.rotation)}
+    written = {key: ' '.join(map(repr, value)) for key, value in origin.items()}
     element.insert(0, ElementTree.Element('origin', written))
 
 
