@@ -27,7 +27,8 @@ from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.ros.qos import LATCHED, SAMPLES, STATE
 from spacerobot_ros.simulation.truth import build_plant
 
-NODES = ('simulator', 'identifier', 'controller', 'monitor')
+NODES = {'simulator': 'none', 'identifier': 'nice', 'controller': 'fifo', 'monitor': 'nice'}
+"""How each shares the processor."""
 BEGIN = 15.0  # s in which nodes start and the first estimates come
 
 
@@ -46,10 +47,10 @@ def started(robot: str) -> list[subprocess.Popen]:
     for setting in ('simulator.lockstep:=false', 'reference.repeat:=true'):
         common += ['-p', setting]
     commands = []
-    for node in NODES:
-        clock = ['-p', f'use_sim_time:={node != NODES[0]}']
+    for node, share in NODES.items():
+        own = ['-p', f'use_sim_time:={node != "simulator"}', '-p', f'scheduling:={share}']
         begin = f'from spacerobot_ros.nodes.entry import {node}; {node}()'
-        commands.append(['-c', begin, *common, *clock])
+        commands.append(['-c', begin, *common, *own])
     return [subprocess.Popen([sys.executable, *c]) for c in (*commands, [__file__, '--echo'])]
 
 

@@ -44,12 +44,13 @@ def generate_launch_description() -> LaunchDescription:
                 description='URDF to show; that of params_file.',
             ),
             part('simulator'),
-            part('identifier', {'use_sim_time': True}),
-            part('monitor', {'use_sim_time': True}),
+            part('identifier', {'use_sim_time': True, 'scheduling': 'nice'}),
+            part('monitor', {'use_sim_time': True, 'scheduling': 'nice'}),
             part(
                 'controller',
                 {
                     'use_sim_time': True,
+                    'scheduling': 'fifo',
                     'autostart': ParameterValue(LaunchConfiguration('autostart'), value_type=bool),
                 },
             ),

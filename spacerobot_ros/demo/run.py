@@ -20,7 +20,6 @@ from ..nodes.controller import ControllerNode
 from ..nodes.identifier import IdentifierNode
 from ..nodes.simulator import SimulatorNode
 from ..recording.bags.bag_writer import BagWriter
-from ..recording.bags.message_types import decoded
 from ..recording.messages import stamp_ns
 from ..ros import convert
 from ..ros.qos import LATCHED
@@ -45,37 +44,39 @@ TOPICS = {
     '/simulator/ledger': 'spacerobot_msgs/msg/Ledger',
 }
 WHEELS = {'/wheel_states': 'sensor_msgs/msg/JointState'}  # of a servicer with true rotors
-LAST = ('/tracking', '/joint_commands', '/joint_states')
+READ = ('/tracking', '/estimate', '/simulator/ledger')
+ANSWERS = ('/tracking', '/joint_commands')
 
 
 @dataclass
 class _Log:
-    """What a run leaves behind while it goes on."""
+    """What a run leaves behind; joints and references (n,) [rad] by stamp [ns]."""
 
-    time: list[float] = field(default_factory=list)
-    joints: list[Array] = field(default_factory=list)
-    references: list[Array] = field(default_factory=list)
+    joints: dict[int, Array] = field(default_factory=dict)
+    references: dict[int, Array] = field(default_factory=dict)
     ledger: list[Any] = field(default_factory=list)  # messages
     estimates: list[Estimate] = field(default_factory=list)
 
-    def read(self, topic: str, cdr: bytes) -> None:
+    def read(self, topic: str, stamp_ns: int, cdr: bytes) -> None:
         """Note the reference that is followed, an estimate, or the momentum book."""
+        if topic not in READ:
+            return
+        message = convert.deserialized(TOPICS[topic], cdr)
         if topic == '/tracking':
-            self.references.append(decoded(TOPICS[topic], cdr).reference_position)
+            self.references[stamp_ns] = np.array(message.reference_position)
         elif topic == '/estimate':
-            self.estimates.append(convert.estimate(decoded(TOPICS[topic], cdr)))
-        elif topic == '/simulator/ledger':
-            self.ledger.append(decoded(TOPICS[topic], cdr))
+            self.estimates.append(convert.estimate(message))
+        else:
+            self.ledger.append(message)
 
     def see(self, plant: Plant) -> None:
         """Note the true state."""
-        self.time.append(plant.time_ns * 1e-9)
-        self.joints.append(plant.state.q[: plant.n_arm])
+        self.joints[plant.time_ns] = plant.state.q[: plant.n_arm]
 
     def to_run(self) -> DemoRun:
         """The finished run."""
-        count = min(len(self.joints), len(self.references))
-        error = np.array(self.references[:count]) - np.array(self.joints[:count])
+        stamps = sorted(self.joints.keys() & self.references.keys())
+        error = np.array([self.references[ns] - self.joints[ns] for ns in stamps])
         at = np.array([stamp_ns(book.header.stamp) * 1e-9 for book in self.ledger])
         momenta = [book.angular_momentum for book in self.ledger]
         angular = np.array([[h.x, h.y, h.z] for h in momenta])
@@ -83,7 +84,7 @@ class _Log:
             np.array([getattr(book, f'{what}_drift') for book in self.ledger])
             for what in ('momentum', 'energy')
         )
-        time = np.array(self.time[:count])
+        time = np.array(stamps) * 1e-9
         return DemoRun(time, error, at, angular, drift, energy, tuple(self.estimates))
 
 
@@ -147,21 +148,19 @@ def identify(file: RobotFile, passes: int, bags: Sequence[Path], progress: OnPro
     return run
 
 
-def track(file: RobotFile, estimate: Estimate | None, bag: Path) -> DemoRun:
+def track(
+    file: RobotFile, estimate: Estimate | None, bag: Path, progress: OnProgress | None = None
+) -> DemoRun:
     """Track the motion once, from the initial state.
 
     Args:
         file: The robot file.
         estimate: What the controller knows; None: nothing of the wheels.
         bag: Folder of the bag.
+        progress: As of `identify`.
     """
     law = 'computed_torque_no_aam' if estimate is None else 'computed_torque'
-    return _run(file, _settings(file, law), 1, [bag], None, estimate)
-
-
-def get_ready(file: RobotFile) -> None:
-    """Load all that `track` needs: run its nodes for a single sample, in a process that waits."""
-    _run(file, _settings(file, 'computed_torque'), 0, [], None)
+    return _run(file, _settings(file, law), 1, [bag], progress, estimate)
 
 
 def _settings(file: RobotFile, law: str, passes: int = 1) -> Settings:
@@ -199,7 +198,7 @@ def _run(
             is_tracking = stamp_ns <= pass_ns and topic != '/estimate'
             for writer in writers[: 1 + is_tracking]:
                 writer.message(topic, kind, stamp_ns, cdr)
-            log.read(topic, cdr)
+            log.read(topic, stamp_ns, cdr)
 
         recorder = Recorder(ears, types, keep)
         controller = session.add(ControllerNode, settings, urdf)
@@ -211,13 +210,14 @@ def _run(
         simulator.observers.append(log.see)
         if progress is not None:
             simulator.observers.append(lambda plant: progress(plant.time_ns * 1e-9))
+        simulator.pause(True)
+        session.connect()
+        simulator.pause(False)
         end_ns = simulator.stop_at * simulator.plant.period_ns
-        books = simulator.stop_at // simulator.ledger_every
         session.until(
             lambda: (
-                len(log.references) > simulator.stop_at
-                and len(log.ledger) > books
-                and recorder.has_reached(end_ns, LAST)
+                simulator.step_index == simulator.stop_at
+                and recorder.has(simulator.sent_ns | dict.fromkeys(ANSWERS, end_ns))
             ),
             lambda: (simulator.step_index, len(log.references)),
         )

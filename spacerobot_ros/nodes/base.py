@@ -6,7 +6,6 @@ import time
 from abc import abstractmethod
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
-from functools import lru_cache
 from typing import Any
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -14,20 +13,14 @@ from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
-from rosgraph_msgs.msg import Clock as ClockMessage
 from std_srvs.srv import Trigger
 
 from ..errors import MessageRejectedError, SpaceRobotError
 from ..model.robot import Robot
 from ..model.settings import Settings
-from ..recording.bags.message_types import decoded
-from ..ros.convert import type_name
 from ..ros.diagnostics import NodeHealth
 from ..ros.params import declare_settings, let_change, open_robot
 from ..ros.qos import best_effort
-
-_decoded_once = lru_cache(maxsize=3)(decoded)  # as many as there are sensors
-"""Nodes of one process hear the same messages, and need decode them but once."""
 
 
 class RobotNode(LifecycleNode):
@@ -47,7 +40,6 @@ class RobotNode(LifecycleNode):
         live: Parameters that may change while it runs (`retune`).
         steady: Clock of timers that go on while no time is simulated.
         wall_ns: Time of such a clock [ns], for a tenth of what asking a Clock of rclpy takes.
-        schedule: Settles which process goes before others, where the node has one of its own.
 
     Raises:
         ConfigurationError: bad parameters.
@@ -56,10 +48,9 @@ class RobotNode(LifecycleNode):
     live: frozenset[str] = frozenset()
     wall_ns: Callable[[], int] = staticmethod(time.monotonic_ns)
     is_open = is_active = False
-    schedule: Callable[[], None] = staticmethod(lambda: None)
 
     def __init__(self, name: str, **node_kwargs: Any) -> None:
-        super().__init__(name, **node_kwargs)
+        super().__init__(name, automatically_declare_parameters_from_overrides=True, **node_kwargs)
         with self._destroyed_by_failure():
             self.settings = declare_settings(self)
         self.health = NodeHealth(self)
@@ -121,21 +112,6 @@ class RobotNode(LifecycleNode):
         self.is_active = False
         return super().on_shutdown(state)
 
-    def create_subscription(
-        self, msg_type: Any, topic: str, callback: Callable[..., None], *args: Any, **kwargs: Any
-    ) -> Any:
-        """As of rclpy, whose own listener to /clock would end the node at a time before zero."""
-
-        def take(message: Any) -> None:
-            if message.clock.sec >= 0:
-                callback(message)
-            else:
-                why = '/clock: a time before zero is left out'
-                self.get_logger().warning(why, throttle_duration_sec=2.0)
-
-        use = take if msg_type is ClockMessage else callback
-        return super().create_subscription(msg_type, topic, use, *args, **kwargs)
-
     def listen(
         self,
         topic: str,
@@ -144,36 +120,36 @@ class RobotNode(LifecycleNode):
         take: Callable[[Any], None],
         events: SubscriptionEventCallbacks | None = None,
     ) -> Any:
-        """Subscribe; a message for which `take` raises MessageRejectedError is counted.
+        """Subscribe; a message for which `take` raises MessageRejectedError is counted."""
 
-        Messages are those that a bag's reader sees, which cost less than rclpy's own.
-        """
-        name = type_name(kind)
-
-        def on_message(cdr: bytes) -> None:
+        def on_message(message: Any) -> None:
             try:
-                take(_decoded_once(name, cdr))
+                take(message)
             except MessageRejectedError as error:
                 self.health.reject(topic, error)
 
-        return self.create_subscription(
-            kind, topic, on_message, qos, event_callbacks=events, raw=True
-        )
+        return self.create_subscription(kind, topic, on_message, qos, event_callbacks=events)
 
     def listen_to_driver(
         self, topic: str, kind: Any, qos: QoSProfile, take: Callable[[Any], None]
     ) -> None:
         """Subscribe as `listen`, reliably; where a driver offers best effort alone, so."""
-        subscriptions: list[Any] = []
+        is_weak = False
+
+        def take_strong(message: Any) -> None:
+            if not is_weak:
+                take(message)
 
         def on_mismatch(_: Any) -> None:
-            if len(subscriptions) == 1:
+            nonlocal is_weak
+            if not is_weak:
+                is_weak = True
                 self.get_logger().info(f'{topic} is offered with best effort: taken so')
-                subscriptions.append(self.listen(topic, kind, best_effort(qos), take))
-                self.destroy_subscription(subscriptions[0])
+                self.listen(topic, kind, best_effort(qos), take)
 
+        # the first subscription stays: one that ends within its own event may end the process
         events = SubscriptionEventCallbacks(incompatible_qos=on_mismatch)
-        subscriptions.append(self.listen(topic, kind, qos, take, events))
+        self.listen(topic, kind, qos, take_strong, events)
 
     def offer(self, name: str, act: Callable[[], tuple[bool, str]]) -> None:
         """Offer a Trigger service that answers with success and a message."""

@@ -24,12 +24,11 @@ from ..control.plausible import EstimateCheck
 from ..errors import MessageRejectedError
 from ..model.robot import Robot
 from ..model.settings import Settings
-from ..recording.bags.message_types import composer, encoded
 from ..recording.buffer import check_later
 from ..ros import convert
+from ..ros.convert import compose
 from ..ros.diagnostics import ERROR, WARN, Status
 from ..ros.qos import LATCHED, STATE
-from ..ros.run_node import answer_first
 from .adaptation_file import AdaptationFile
 from .controller_status import (
     adaptation_status,
@@ -37,6 +36,7 @@ from .controller_status import (
     estimate_status,
     input_status,
 )
+from .idle import IdleTime
 from .pairing import Pairing
 from .parameter_publisher import ParameterPublisher
 from .sensor_node import TOPICS, SensorNode
@@ -53,7 +53,6 @@ class ControllerNode(SensorNode):
     """Answers every joint sample with a torque while active."""
 
     loop: ControlLoop
-    schedule = staticmethod(answer_first)
     live = frozenset(
         (
             'controller.bandwidth',
@@ -74,7 +73,9 @@ class ControllerNode(SensorNode):
         super().__init__('controller', **node_kwargs)
         self.last_command: Command | None = None
         self._answered: Command | None = None  # the last that was no guess in between
-        self._arrived_ns = 0
+        self._arrived_ns = self._takers = 0
+        self._watch_period = self.settings.controller.state_timeout / 4.0
+        self._idle = IdleTime(self._watch_period, self.wall_ns)
         self._estimate_note = 'none received'
         self.jump_ns = round(self.settings.controller.state_timeout * 1e9)
         self._efforts = self.create_lifecycle_publisher(JointState, '/joint_commands', STATE)
@@ -150,13 +151,10 @@ class ControllerNode(SensorNode):
         self.loop = ControlLoop(robot, self.settings)
         self._estimates = EstimateCheck(self.loop.robot, self.settings)
         self._names, self._base_link = list(robot.joints), robot.base_link
-        self._pairing = Pairing(self.loop, self.settings.simulator, self.jump_ns)
+        self._pairing = Pairing(self.loop, self.settings.simulator, self._watch_period)
         self.is_open = True
         self._subscribe(robot)
-        period = self.settings.controller.state_timeout
-        self.create_timer(period / 4.0, self._on_watch, clock=self.steady)
-        if self._pairing.is_lockstep:
-            self.create_timer(period, self._on_incomplete, clock=self.steady)
+        self.create_timer(self._watch_period, self._on_watch, clock=self.steady)
         if self.loop.adaptive is not None:
             self._in_force = ParameterPublisher(self, self.loop, self.settings)
             warning = self.loop.adaptive.health.sampling_warning
@@ -195,6 +193,7 @@ class ControllerNode(SensorNode):
                 check_later(stamp_ns, last[0])
             self.latest['joints'] = (stamp_ns, *content)
             self._arrived_ns = self.wall_ns()
+            self._idle.clear()
             if self.is_active:
                 self._answer_when_complete(self.latest['joints'])
             return
@@ -214,8 +213,7 @@ class ControllerNode(SensorNode):
         self._estimate_note = f'valid, stamped {estimate.stamp_ns * 1e-9:.3f} s'
 
     def _on_event(self, message: DiagnosticArray) -> None:
-        acting = (WARN[0], ERROR[0])  # octets
-        reasons = [status.message for status in message.status if status.level in acting]
+        reasons = [s.message for s in message.status if s.level in (WARN, ERROR)]
         self.loop.event.hear('; '.join(reasons), self.loop.joints_ns)
 
     def _on_reference(self, message: JointTrajectory) -> None:
@@ -245,12 +243,6 @@ class ControllerNode(SensorNode):
         if not self._pairing.hold_back(joints):
             self._answer(joints)
 
-    def _on_incomplete(self) -> None:
-        """Lockstep with a sensor that stopped: answer without it."""
-        joints = self._pairing.overdue()
-        if joints is not None:
-            self._answer(joints)
-
     def _answer(self, joints: tuple[Any, ...]) -> None:
         self._pairing.waiting = None
         if self.is_active:
@@ -259,6 +251,7 @@ class ControllerNode(SensorNode):
             except MessageRejectedError as error:  # perhaps asked for by another sensor's sample
                 self.health.reject(TOPICS['joints'][0], error)
                 return
+            self._takers = self._efforts.get_subscription_count()
             self._publish(self._answered)
 
     def _repeat(self, stamp: int) -> None:
@@ -267,21 +260,36 @@ class ControllerNode(SensorNode):
             self._publish(self._answered)
 
     def _on_watch(self) -> None:
-        if not self.is_active or 'joints' not in self.latest or self._pairing.waiting is not None:
+        self._idle.tick()
+        if not self.is_active or 'joints' not in self.latest:
+            return
+        if self.settings.simulator.lockstep:
+            self._watch_lockstep()
+        if self._pairing.waiting is not None:
             return
         command = self.loop.blind(self._silent_ns())
         if command is not None:
             self.get_logger().warning('joint states are stale', throttle_duration_sec=2.0)
             self._publish(command)
 
+    def _watch_lockstep(self) -> None:
+        """Answer without a sensor that stopped, and again to a simulator that came late."""
+        overdue = self._pairing.overdue()
+        if overdue is not None:
+            self._answer(overdue)
+        elif self._efforts.get_subscription_count() > self._takers:
+            self._takers = self._efforts.get_subscription_count()
+            self._repeat(self.latest['joints'][0])
+
     def _silent_ns(self) -> int:
         """Time without joint states [ns], on a clock that does not stop with the simulator.
 
         A simulation may be slower than the wall, and in lockstep takes its time.
         """
-        simulator, silent = self.settings.simulator, self.wall_ns() - self._arrived_ns
-        if self._pairing.is_lockstep:
-            return int(silent - simulator.lockstep_timeout * 1e9)
+        simulator = self.settings.simulator
+        if simulator.lockstep:
+            return round(self._idle.ns - simulator.lockstep_timeout * 1e9)
+        silent = self.wall_ns() - self._arrived_ns
         is_simulated = self.get_clock().ros_time_is_active
         return round(silent * min(1.0, simulator.real_time_factor) if is_simulated else silent)
 
@@ -300,13 +308,12 @@ class ControllerNode(SensorNode):
             self._learned.keep(command.stamp_ns)
         if self._trackings.get_subscription_count():
             law = self.settings.controller.law
-            self._trackings.publish(encoded(convert.tracking_message(command, self._names, law)))
+            self._trackings.publish(convert.tracking_message(command, self._names, law))
 
     def _send(self, stamp: int, tau: np.ndarray, base: np.ndarray | None) -> None:
-        compose = composer()
         if base is not None:
-            self._wrenches.publish(encoded(compose.base_torque(stamp, self._base_link, base)))
-        self._efforts.publish(encoded(compose.joint_state(stamp, self._names, effort=tau)))
+            self._wrenches.publish(compose.base_torque(stamp, self._base_link, base))
+        self._efforts.publish(compose.joint_state(stamp, self._names, effort=tau))
         if self._arrays.get_subscription_count():
             self._arrays.publish(Float64MultiArray(data=convert.doubles(tau)))
 

@@ -25,7 +25,6 @@ from ..ros import convert
 from ..ros.convert import compose
 from ..ros.diagnostics import OK, STALE, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES
-from ..ros.run_node import give_way
 from ..sensing.sensor_faults import SensorFaults
 from .beside import STOP, Beside
 from .kept_file import KeptFile
@@ -42,7 +41,6 @@ class IdentifierNode(SensorNode):
     """
 
     identifier: OnlineIdentifier
-    schedule = staticmethod(give_way)
     bridged_ns = LONGEST_GAP * 1e9
 
     def __init__(self, **node_kwargs: Any) -> None:

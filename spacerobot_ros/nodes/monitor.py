@@ -29,7 +29,6 @@ from ..recording.robot_inputs import own_wheels
 from ..ros import convert
 from ..ros.diagnostics import ERROR, OK, STALE, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES
-from ..ros.run_node import give_way
 from .event_recorder import EventRecorder
 from .sensor_node import TOPICS, SensorNode, outliers
 
@@ -40,7 +39,6 @@ class MonitorNode(SensorNode):
     """Feeds the monitor, says and records what it finds."""
 
     monitor: Monitor
-    schedule = staticmethod(give_way)
     recorder: EventRecorder | None = None
 
     def __init__(self, **node_kwargs: Any) -> None:

@@ -5,12 +5,12 @@ In lockstep the torque would otherwise depend on which of two messages was handl
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 from ..control.loop import ControlLoop
 from ..model.settings import SimulatorSettings
 from ..sensing.sensors import steps_between
+from .idle import IdleTime
 
 
 class Pairing:
@@ -19,16 +19,17 @@ class Pairing:
     Args:
         loop: Takes the samples; knows the newest gyro sample and attitude.
         simulator: Rates of the simulated sensors, and whether they come in lockstep.
-        patience_ns: Wall time to wait for a sensor that stopped [ns].
+        period: Of the timer that asks for joint states that are overdue [s].
 
     Raises:
         ConfigurationError: rates that don't divide the control rate.
     """
 
-    def __init__(self, loop: ControlLoop, simulator: SimulatorSettings, patience_ns: int) -> None:
+    def __init__(self, loop: ControlLoop, simulator: SimulatorSettings, period: float) -> None:
         self.is_lockstep = simulator.lockstep and loop.robot.is_free
         self.waiting: tuple[Any, ...] | None = None
-        self._loop, self._patience_ns, self._since = loop, patience_ns, 0
+        self._loop, self._idle = loop, IdleTime(period)
+        self._patience_ns = round(simulator.lockstep_timeout * 1e9)
         self._gyro_ns = _period_ns(simulator, 'imu_rate')
         self._attitude_ns = _period_ns(simulator, 'attitude_rate')
 
@@ -37,14 +38,14 @@ class Pairing:
         if not self.is_lockstep or self._is_complete(joints[0]):
             return False
         if self.waiting is None:
-            self._since = time.monotonic_ns()
+            self._idle.clear()
         self.waiting = joints
         return True
 
     def overdue(self) -> tuple[Any, ...] | None:
-        """Joint states that have waited too long: time would stand still in lockstep."""
-        waited = time.monotonic_ns() - self._since
-        return self.waiting if waited > self._patience_ns else None
+        """Joint states that waited for `lockstep_timeout`: a dead sensor does not stop time."""
+        self._idle.tick()
+        return self.waiting if self._idle.ns > self._patience_ns else None
 
     def _is_complete(self, stamp: int) -> bool:
         streams = [(self._loop.rate_ns, self._gyro_ns)]

@@ -24,21 +24,12 @@ def node_class(name: str) -> Any:
     return getattr(import_module(f'.{name}', __package__), f'{name.title()}Node')
 
 
-def schedule(node: Any) -> None:
-    """Have who answers go before who looks on; not in lockstep, where stamps wait for nobody else.
-
-    A loop that goes as fast as it computes would leave an identifier that gives way nothing.
-    """
-    if not node.settings.simulator.lockstep:
-        node.schedule()
-
-
 def program(name: str) -> Callable[..., int]:
     """What runs a node, or all as `composed`, with ROS arguments until it is stopped."""
     nodes = NODES if name == 'composed' else (name,)
     kinds = [node_class(node) for node in nodes]
     if name != 'composed':
-        return partial(run_nodes, kinds, schedule=schedule)
+        return partial(run_nodes, kinds)
     simulated = [Parameter('use_sim_time', value=True)]
     following = [partial(kind, parameter_overrides=simulated) for kind in kinds[1:]]
     return partial(run_nodes, [*following, kinds[0]])

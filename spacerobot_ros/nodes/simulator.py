@@ -21,7 +21,7 @@ from ..errors import SimulationDivergedError
 from ..model.control_settings import ADAPTIVE_LAWS
 from ..model.robot import Robot
 from ..recording import messages
-from ..recording.bags.message_types import composer, encoded
+from ..ros.convert import compose
 from ..ros.diagnostics import ERROR, OK, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES, STATE
 from ..simulation.firings import THRUSTERS, Firings
@@ -29,12 +29,13 @@ from ..simulation.plant import Plant
 from ..simulation.truth import build_plant, build_sensors, wheels_of
 from .base import RobotNode
 from .commands import Answer, HeldCommands
+from .idle import IdleTime
 from .pace import Pace
 from .simulator_topics import SimulatorTopics
 
 POLL_PERIOD = 0.05
-RESEND_PERIOD_NS = 1_000_000_000
-NEWS_DELAY_NS = 200_000_000
+REPEAT_NS = 1_000_000_000  # of /clock while lockstep waits: it may have been lost
+NEWS_NS = 200_000_000  # for which lockstep waits before it looks who is there
 KEPT = 1e-8  # relative momentum drift: far above round-off, far below what matters
 CATCH_UP = 10  # steps in one tick of the real-time timer; beyond, the simulation falls behind
 
@@ -58,6 +59,7 @@ class SimulatorNode(RobotNode):
         self.observers: list[Callable[[Plant], None]] = []  # shown the truth at every step
         self._is_started = False
         self._is_halted = False
+        self._asked: set[bytes] = set()  # who gave commands when a sample was sent
         # a turn by 1 rad in an integrator's step is the most that it resolves
         self._fastest = self._options.substeps / self._options.period
         period_ns = round(self._options.period * 1e9)
@@ -76,20 +78,33 @@ class SimulatorNode(RobotNode):
     @property
     def is_connected(self) -> bool:
         """Whether someone takes the joint states and someone gives commands."""
-        return self.is_open and min(self._peers()) > 0
+        return self.is_open and self._topics.is_heard and bool(self._commanders())
+
+    @property
+    def sent_ns(self) -> dict[str, int]:
+        """Stamp of the last message of each topic [ns]."""
+        return self._topics.sent_ns if self.is_open else {}
 
     @property
     def awaited_ns(self) -> int | None:
         """Stamp of the command that lockstep waits for [ns]; None while it waits for none."""
         return self._answer.stamp_ns
 
+    @property
+    def waited_ns(self) -> int:
+        """Wall time for which lockstep has waited for the command [ns]."""
+        return self._waiting.ns
+
     def start(self) -> None:
         """Publish the samples of step 0, if that has not happened yet."""
         if not self._is_started and self.is_open:
             self._is_started = True
-            self._sent_to = self._peers()
-            self._pace.anchor(self.step_index)
-            self._publish()
+            self._begin()
+
+    def _begin(self) -> None:
+        self._pace.anchor(self.step_index)
+        self._asked = self._commanders()
+        self._publish()
 
     def step(self) -> None:
         """Advance by one control period and publish what the sensors say there."""
@@ -126,9 +141,7 @@ class SimulatorNode(RobotNode):
         self._topics.forget()
         self.get_logger().info('reset: time starts again at zero')
         if self._is_started:
-            self._sent_to = self._peers()
-            self._pace.anchor(self.step_index)
-            self._publish()
+            self._begin()
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Let time go on."""
@@ -185,9 +198,9 @@ class SimulatorNode(RobotNode):
         self.firings = Firings(section, self._robot, plant.robot, plant.effects, plant.period)
         self._held.clear()
         self._answer.clear()
-        self._waiting_since = 0
-        self._is_late = False
-        self._sent_ns, self._sent_to = 0, (0, 0)
+        self._waiting = IdleTime(POLL_PERIOD, self.wall_ns)
+        self._repeated_ns = 0
+        self._is_late = self._was_connected = False
 
     # ------------------------------------------------------------ time
 
@@ -207,28 +220,32 @@ class SimulatorNode(RobotNode):
     def _poll(self) -> None:
         """Lockstep: start once connected, and say when the command does not come."""
         if not self._is_started:
-            if self.is_connected and not self._is_paused:
+            was_connected, self._was_connected = self._was_connected, self.is_connected
+            # each side finds the other by itself: the other one had a period of this timer
+            if was_connected and self._was_connected and not self._is_paused:
                 self.start()
             return
-        waited = self._pace.now() - self._waiting_since
         if self._answer.stamp_ns is None or self._is_paused or self._is_done():
             return
+        self._waiting.tick()
+        waited = self._waiting.ns
         if waited > self._options.lockstep_timeout * 1e9 and not self._is_late:
             self._is_late = True
             self.get_logger().warning(
                 f'lockstep: no command stamped {self._answer.stamp_ns * 1e-9:.3f} s on '
                 f'{self._command_topic} for {self._options.lockstep_timeout:g} s; still waiting'
             )
-        has_news = waited > NEWS_DELAY_NS and self._peers() != self._sent_to
-        if has_news or self._pace.now() - self._sent_ns > RESEND_PERIOD_NS:
-            self._resend()  # to who came late, or whose answer was lost
+        if waited > NEWS_NS and not self._commanders() <= self._asked:
+            self._asked = self._commanders()
+            self._topics.resend(with_attitude=self._answer.needs_base)
+        elif waited > self._repeated_ns + REPEAT_NS:
+            self._repeated_ns = waited
+            self._topics.repeat_clock()
 
-    def _peers(self) -> tuple[int, int]:
-        return self._topics.takers, self.count_publishers(self._command_topic)
-
-    def _resend(self) -> None:
-        self._sent_ns, self._sent_to = self._pace.now(), self._peers()
-        self._topics.resend(with_attitude=self._answer.needs_base)
+    def _commanders(self) -> set[bytes]:
+        """Who gives commands: in lockstep a sample is sent again to who came after it, alone."""
+        endpoints = self.get_publishers_info_by_topic(self._command_topic)
+        return {bytes(endpoint.endpoint_gid) for endpoint in endpoints}
 
     def _advance(self) -> None:
         """Lockstep: take the answer, and step until the joints are sampled again."""
@@ -254,12 +271,14 @@ class SimulatorNode(RobotNode):
             observe(plant)
         if sample.joints is not None and self._options.lockstep:
             self._answer.ask(plant.time_ns)
-            self._waiting_since = self._sent_ns = self._pace.now()
+            self._waiting.clear()
+            self._repeated_ns = 0
             self._is_late = False
         if self.firings:
             shares = self.firings.commands(plant.step_index)
-            sent = composer().joint_state(plant.time_ns, self.firings.names, effort=shares)
-            self._thrust.publish(encoded(sent))
+            self._thrust.publish(
+                compose.joint_state(plant.time_ns, self.firings.names, effort=shares)
+            )
         self._topics.publish(plant, sample)
 
     # ------------------------------------------------------------ commands in

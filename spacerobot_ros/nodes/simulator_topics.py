@@ -10,8 +10,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from spacerobot_msgs.msg import Ledger
 
-from ..recording.bags.message_types import composer, encoded
-from ..ros.convert import message_type
+from ..ros.convert import compose, message_type
 from ..ros.qos import STATE
 from ..sensing.sensors import SensorSamples
 from ..simulation.plant import Plant
@@ -29,7 +28,7 @@ class SimulatorTopics:
     """
 
     def __init__(self, node: Node, has_wheels: bool, ledger_every: int) -> None:
-        self._ledger_every = ledger_every
+        self._node, self._ledger_every = node, ledger_every
         kinds: dict[str, Any] = {'/clock': Clock, **dict(TOPICS.values()), '~/ledger': Ledger}
         if has_wheels:
             kinds['/wheel_states'] = JointState
@@ -41,20 +40,26 @@ class SimulatorTopics:
         self.forget()
 
     @property
-    def takers(self) -> int:
-        """Number of subscribers to the joint states."""
-        return int(self._publishers['/joint_states'].get_subscription_count())
+    def is_heard(self) -> bool:
+        """Whether all subscribers of the joint states, at least one, get what is sent now."""
+        takers = self._publishers['/joint_states'].get_subscription_count()
+        return (
+            0
+            < takers
+            == self._node.count_subscribers(self._publishers['/joint_states'].topic_name)
+        )
 
     def forget(self) -> None:
-        """Drop the samples that could be sent again."""
-        self._last: dict[str, bytes] = {}
+        """Drop the samples that could be sent again, and when topics were sent last [ns]."""
+        self.sent_ns: dict[str, int] = {}
+        self._last: dict[str, Any] = {}
 
     def publish(self, plant: Plant, samples: SensorSamples) -> None:
         """Publish what is due at a step; the joint states last, for they ask for a command.
 
         At once when all is composed, so that who waits for several messages wakes up once.
         """
-        ns, compose = plant.time_ns, composer()
+        ns = plant.time_ns
         due = {'/clock': compose.make('rosgraph_msgs/msg/Clock', clock=compose.time(ns))}
         if plant.step_index % self._ledger_every == 0 and self._is_taken('~/ledger'):
             due['~/ledger'] = compose.ledger(ns, plant.ledger())
@@ -62,21 +67,23 @@ class SimulatorTopics:
             robot, state = plant.robot, plant.state
             due['/tf'] = compose.base_frame(ns, robot.base_link, state.p_WB, state.q_WB_xyzw)
         due |= sample_messages(compose, plant, samples)
-        sent = {topic: encoded(message) for topic, message in due.items()}
-        self._last |= sent
-        for topic, cdr in sent.items():
-            self._publishers[topic].publish(cdr)
+        self._last |= due
+        self.sent_ns |= {self._publishers[topic].topic_name: ns for topic in due}
+        for topic, message in due.items():
+            self._publishers[topic].publish(message)
 
     def _is_taken(self, topic: str) -> bool:
         publisher = self._publishers.get(topic)
         return publisher is not None and publisher.get_subscription_count() > 0
 
     def resend(self, *, with_attitude: bool) -> None:
-        """Send the last samples again, that of the star tracker only where it is asked for.
-
-        The clock goes before them: who heard another simulator believes it, not a stamp alone.
-        """
+        """Send the last samples again, that of the star tracker only where it is asked for."""
         left_out = '' if with_attitude else TOPICS['attitude'][0]
-        for topic in ('/clock', *(topic for topic, _ in TOPICS.values())):
+        self.repeat_clock()
+        for topic, _ in TOPICS.values():
             if topic in self._last and topic != left_out:
                 self._publishers[topic].publish(self._last[topic])
+
+    def repeat_clock(self) -> None:
+        """Send the time again: who heard another simulator believes it, not a stamp alone."""
+        self._publishers['/clock'].publish(self._last['/clock'])

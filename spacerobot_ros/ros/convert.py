@@ -8,12 +8,12 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from rclpy.serialization import deserialize_message
 
 from ..control.waypoints import Waypoints
 from ..errors import ConfigurationError, IdentificationError, MessageRejectedError
 from ..identification.estimate import Estimate
 from ..recording.bags.compose import PACKAGE, Composer
-from ..recording.bags.message_types import composer
 from ..recording.messages import INERTIAL_FRAME, joint_order, stamp_ns
 from ..types import Array
 
@@ -28,6 +28,11 @@ def message_type(kind: str) -> Any:
     """The class of a message type such as `sensor_msgs/msg/Imu`."""
     module, _, name = kind.replace('/', '.').rpartition('.')
     return getattr(importlib.import_module(module), name)
+
+
+def deserialized(kind: str, cdr: bytes) -> Any:
+    """A message of a type from its serialized form."""
+    return deserialize_message(cdr, message_type(kind))
 
 
 def doubles(values: Array) -> array[float]:
@@ -103,8 +108,7 @@ def estimate(message: Any) -> Estimate:
 
 
 def tracking_message(command: Command, names: list[str], law: str) -> Any:
-    """A Tracking message, to be `encoded`."""
-    compose = composer()
+    """A Tracking message."""
     attitude = np.zeros(0) if command.attitude_error is None else command.attitude_error
     base = np.zeros(0) if command.base is None else command.base
     columns: dict[str, Array] = {
@@ -122,7 +126,7 @@ def tracking_message(command: Command, names: list[str], law: str) -> Any:
         command.stamp_ns,
         joint_names=names,
         **{name: compose.sequence(values) for name, values in columns.items()},
-        saturated=np.asarray(command.saturated),
+        saturated=np.asarray(command.saturated).tolist(),
         law=law,
         state=command.mode,
         uses_estimate=command.uses_estimate,

@@ -25,12 +25,18 @@ from ..model.robot import Robot
 from ..model.schema import Allowed, FloatList, TextList, meanings, plain_types
 from ..model.settings import Settings, parse_settings
 from .qos import LATCHED
+from .scheduling import SCHEDULING
 
-OWN = {
-    'robot_description': ('', 'URDF text; takes the place of robot.urdf.'),
-    'autostart': (True, 'Configure and activate without a lifecycle manager.'),
+OWN: dict[str, tuple[Any, str, tuple[str, ...]]] = {
+    'robot_description': ('', 'URDF text; takes the place of robot.urdf.', ()),
+    'autostart': (True, 'Configure and activate without a lifecycle manager.', ()),
+    'scheduling': (
+        'none',
+        'Share of the processor: nice (behind all others) or fifo (real time, where permitted).',
+        tuple(SCHEDULING),
+    ),
 }
-"""Parameters of the nodes that are not part of a robot file: default and meaning."""
+"""Parameters of the nodes that are not part of a robot file: default, meaning and choices."""
 
 _FIXED = (
     'is read when the node starts, for what it computes rests on it: start it again with '
@@ -44,23 +50,25 @@ def declare_settings(node: Node) -> Settings:
     """Validate the parameters given to a node, and declare all there are.
 
     Args:
-        node: A node without parameters of its own yet.
+        node: A node that has declared what it was given, and nothing else.
 
     Raises:
         ConfigurationError: an unknown parameter, or a value that the schema refuses.
     """
-    given = {
-        name: [] if parameter.value is None else parameter.value  # an empty list of a file
-        # rclpy has no public way to see those that nobody declares
-        for name, parameter in node._parameter_overrides.items()
-        if not name.startswith(_OF_ROS) and parameter.value not in _NULLS
-    }
-    own = {name: given.pop(name, default) for name, (default, _) in OWN.items()}
+    given: dict[str, Any] = {}
+    for name, parameter in node.get_parameters_by_prefix('').items():
+        if not name.startswith(_OF_ROS):
+            node.undeclare_parameter(name)  # declared anew, with its meaning
+            if parameter.value not in _NULLS:
+                given[name] = [] if parameter.value is None else parameter.value
+    own = {name: given.pop(name, default) for name, (default, *_) in OWN.items()}
     settings = parse_settings({'robot': {}, **nested(given)})
-    for name, (default, doc) in OWN.items():
-        if type(own[name]) is not type(default):
-            raise ConfigurationError(name, f'expected {type(default).__name__}, got {own[name]!r}')
-        node.declare_parameter(name, own[name], _descriptor(doc), ignore_override=True)
+    for name, (default, doc, choices) in OWN.items():
+        value, limits = own[name], _choices(choices)
+        if type(value) is not type(default) or (choices and value not in choices):
+            expected = limits or type(default).__name__
+            raise ConfigurationError(name, f'expected {expected}, got {value!r}')
+        node.declare_parameter(name, value, _descriptor(doc, limits=limits), ignore_override=True)
     for leaf in leaves(settings):
         _declare(node, leaf)
     for name, value, meaning in _free_entries(settings):
@@ -218,9 +226,8 @@ def _declare(node: Node, leaf: Leaf) -> None:
     Whoever asks for one that is typed but has none gets nothing, nor the others that he asks for.
     """
     value, allowed = leaf.value, leaf.allowed
-    choices = [f'one of {", ".join(allowed.choices)}'] if allowed.choices else []
-    length = [] if allowed.length is None else [f'{allowed.length} numbers']
-    limits = '; '.join([*choices, *length, *allowed.words])
+    length = '' if allowed.length is None else f'{allowed.length} numbers'
+    limits = '; '.join(filter(None, [_choices(allowed.choices), length, *allowed.words]))
     descriptor = _descriptor(leaf.meaning, allowed.unit, limits)
     descriptor.dynamic_typing = value is None
     given: Any = list(value) if isinstance(value, tuple) else value
@@ -232,6 +239,10 @@ def _declare(node: Node, leaf: Leaf) -> None:
 
 
 _LISTS = {FloatList: Parameter.Type.DOUBLE_ARRAY, TextList: Parameter.Type.STRING_ARRAY}
+
+
+def _choices(choices: Collection[str] | None) -> str:
+    return f'one of {", ".join(choices)}' if choices else ''
 
 
 def _descriptor(doc: str, unit: str = '', limits: str = '') -> ParameterDescriptor:

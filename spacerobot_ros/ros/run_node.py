@@ -3,43 +3,38 @@
 from __future__ import annotations
 
 import gc
-import os
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import rclpy
 from rclpy.exceptions import NotInitializedException, ParameterException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
 from ..errors import ConfigurationError, SpaceRobotError
 from ..interrupts import interruptible
 from ..model.files import read_yaml
+from .executor import make_executor, spin_once
 from .middleware import set_up_middleware
+from .scheduling import SCHEDULING
 
+_LOOK = 0.1  # s between two looks at whether a signal has ended the context
 SWITCH = 5e-4  # s after which a thread that computes lets callbacks go on; a tenth of Python's
 CONFIGURATION = (ConfigurationError, ParameterException, rclpy_implementation.RCLError)
-STOPPED = (
-    rclpy_implementation.RCLError, rclpy_implementation.InvalidHandle, NotInitializedException,
-)  # fmt: skip
+# RCLError is one; the executor of events reports what a callback raises then as another
+STOPPED = (RuntimeError, rclpy_implementation.InvalidHandle, NotInitializedException)
 
 
-def run_nodes(
-    factories: Sequence[Callable[[], Node]],
-    args: Sequence[str] | None = None,
-    schedule: Callable[[Any], object] = lambda node: None,
-) -> int:
+def run_nodes(factories: Sequence[Callable[[], Node]], args: Sequence[str] | None = None) -> int:
     """Spin nodes in one process until they are stopped.
 
     Args:
-        factories: Make the nodes.
+        factories: Make the nodes; the last one's parameter `scheduling` is that of the process.
         args: Command line; None: that of the process.
-        schedule: Called with the last of the nodes when all are there.
 
     Returns:
         0 when stopped from outside, 1 when the run failed, 2 for an unusable configuration.
@@ -54,15 +49,18 @@ def run_nodes(
             stack.enter_context(interruptible(running.copy))
             running += [stack.enter_context(rclpy.init(args=None if args is None else list(args)))]
             try:
-                executor = SingleThreadedExecutor()
+                executor = make_executor()
                 for factory in factories:
                     node = factory()
                     stack.callback(node.destroy_node)
                     executor.add_node(node)
+                    stack.callback(executor.remove_node, node)
                 gc.freeze()  # what stays is no garbage: looking for it takes 0.1 s now and then
                 gc.enable()
-                schedule(node)
-                executor.spin()
+                if node.has_parameter('scheduling'):
+                    SCHEDULING[node.get_parameter('scheduling').value]()
+                while rclpy.ok():
+                    spin_once(executor, _LOOK)
             except STOPPED:
                 if rclpy.ok():  # otherwise stopped while nodes were made, or in a callback
                     raise
@@ -88,26 +86,3 @@ def _fail(error: Exception, status: int) -> int:
         line += '; give a robot file: --ros-args --params-file FILE.yaml'
     sys.stderr.write(f'{line}\n')
     return status
-
-
-_LOWEST_REAL_TIME = 1  # goes before all that is not real time, and after the kernel's own threads
-_BEHIND = 10  # of 19: a tenth of the processor where somebody else wants it all
-
-
-def answer_first() -> None:
-    """Have all threads of this process run as soon as they can, where the system permits that.
-
-    It does for root, and within the limit `rtprio` of a user. Not on a lone processor: a loop that
-    can not keep up would leave the kernel's 5 % to all others, its sensors among them.
-    """
-    if len(os.sched_getaffinity(0)) < 2:
-        return
-    policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
-    with suppress(OSError):
-        for thread in Path('/proc/self/task').iterdir():
-            os.sched_setscheduler(int(thread.name), policy, os.sched_param(_LOWEST_REAL_TIME))
-
-
-def give_way() -> None:
-    """Have this thread and those that it starts from now on compute while nobody else wants to."""
-    os.nice(_BEHIND)

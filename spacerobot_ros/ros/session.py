@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import gc
-import io
 import struct
 import time
-from collections.abc import Callable, Iterable
+from collections import Counter
+from collections.abc import Callable, Mapping
 from itertools import count
 from typing import Any
 
 import rclpy
 from rclpy.context import Context
-from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
@@ -22,6 +21,7 @@ from ..interrupts import held_back
 from ..model.settings import Settings
 from ..recording.bags.message_types import CanonicalMessages
 from .convert import type_name
+from .executor import make_executor, spin_once
 from .middleware import set_up_middleware
 from .params import leaves
 from .qos import SAMPLES
@@ -39,22 +39,18 @@ class Session:
 
     Args:
         stall: Wall time without what `until` waits for, after which it gives up [s].
-        by_events: Whether rclpy's executor of events is used where there is one: quick, but at
-            its end messages of other processes may end this one (segmentation fault).
     """
 
-    def __init__(self, stall: float = 60.0, *, by_events: bool = True) -> None:
-        self._by_events = by_events
+    def __init__(self, stall: float = 60.0) -> None:
         self._stall_ns = round(stall * 1e9)
         self.context = Context()
         self._nodes: list[Node] = []
-        self._time: Any = None  # what hears /clock, for all nodes
 
     def __enter__(self) -> Session:
         """Start the context."""
         set_up_middleware()
         rclpy.init(args=[], context=self.context, signal_handler_options=SignalHandlerOptions.NO)
-        self._executor = _executor(self.context, by_events=self._by_events)
+        self._executor = make_executor(self.context)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -92,13 +88,20 @@ class Session:
             for name, value in values.items()
         ]
         node = node_type(context=self.context, parameter_overrides=overrides, enable_rosout=False)
-        if not owns_time:
-            self._share_time(node)
         return self._join(node)
 
     def plain(self, name: str) -> Node:
         """Make a node without parameters, to publish and listen with."""
         return self._join(Node(name, context=self.context, enable_rosout=False))
+
+    def connect(self) -> None:
+        """Run callbacks until every publisher of the session reaches all of its subscriptions."""
+        topics = Counter(s.topic_name for node in self._nodes for s in node.subscriptions)
+        publishers = [p for node in self._nodes for p in node.publishers]
+        self.until(
+            lambda: all(p.get_subscription_count() >= topics[p.topic_name] for p in publishers),
+            lambda: [p.get_subscription_count() for p in publishers],
+        )
 
     def until(self, predicate: Callable[[], object], progress: Callable[[], Any]) -> None:
         """Run callbacks until the predicate holds.
@@ -116,7 +119,7 @@ class Session:
             for k in count(1):
                 if predicate():
                     return
-                self._executor.spin_once(timeout_sec=_WAIT)
+                spin_once(self._executor, _WAIT)
                 let_interrupts_through()
                 if k % _SPINS:
                     continue
@@ -125,16 +128,6 @@ class Session:
                     last, since = value, now
                 elif now - since > self._stall_ns:
                     raise SessionError(f'the nodes stand still at {value}')
-
-    def _share_time(self, node: Node) -> None:
-        """Have one subscription to /clock move the clocks of all nodes: it costs 5 % of a loop."""
-        source = node._time_source
-        if self._time is None or source._clock_sub is None:
-            self._time = self._time or source
-            return
-        node.destroy_subscription(source._clock_sub)
-        source._clock_sub = None
-        self._time.attach_clock(node.get_clock())
 
     def _join(self, node: Any) -> Any:
         self._nodes.append(node)
@@ -159,9 +152,9 @@ class Recorder:
         for topic, message_type in topics.items():
             self._listen(node, topic, message_type)
 
-    def has_reached(self, stamp_ns: int, topics: Iterable[str]) -> bool:
-        """Whether messages of all these topics up to a stamp are recorded."""
-        return all(self.newest_ns[topic] >= stamp_ns for topic in topics)
+    def has(self, newest_ns: Mapping[str, int]) -> bool:
+        """Whether the messages of these topics up to these stamps [ns] are recorded."""
+        return all(self.newest_ns.get(topic, ns) >= ns for topic, ns in newest_ns.items())
 
     def _listen(self, node: Node, topic: str, message_type: Any) -> None:
         name = type_name(message_type)
@@ -178,14 +171,3 @@ class Recorder:
             self._sink(topic, name, stamp, clean)
 
         node.create_subscription(message_type, topic, take, SAMPLES, raw=True)
-
-
-def _executor(context: Context, *, by_events: bool) -> Executor:
-    if not by_events:
-        return SingleThreadedExecutor(context=context)
-    try:
-        from rclpy.experimental.events_executor import EventsExecutor
-
-        return EventsExecutor(context=context)
-    except (ImportError, io.UnsupportedOperation):  # before Kilted; or stderr is no file
-        return SingleThreadedExecutor(context=context)

@@ -28,17 +28,6 @@ def rig():
     rig.close()
 
 
-@pytest.fixture(scope='module')
-def unhurried():
-    """Have no sample sent again because a busy machine answers late: it is answered twice."""
-    from spacerobot_ros.nodes import simulator
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulator, 'RESEND_PERIOD_NS', 60_000_000_000)
-        patch.setattr(simulator, 'NEWS_DELAY_NS', 60_000_000_000)
-        yield
-
-
 @pytest.fixture(scope='session')
 def servicer():
     """Return the parameters of the servicer's robot file, in lockstep."""

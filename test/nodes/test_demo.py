@@ -1,11 +1,8 @@
 """`spacerobot demo` from end to end."""
 
+import itertools
 import json
-import multiprocessing
-import os
-import signal
-import sys
-from concurrent.futures.process import BrokenProcessPool
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +10,6 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from spacerobot_ros.cli.demo import beside
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.recording.bags.message_types import typestore
@@ -147,55 +143,29 @@ def test_a_robot_with_nothing_to_show_is_refused(tmp_path, capsys, changes, urdf
     assert '\n' not in error
 
 
-def test_nothing_waits_for_a_process_that_is_gone():
-    with pytest.raises(BrokenProcessPool), beside() as submit:
-        submit(os._exit, 1).result()
+def messages_of(bag):
+    with AnyReader([bag], default_typestore=typestore()) as reader:
+        return [(c.topic, stamp, bytes(data)) for c, stamp, data in reader.messages()]
 
 
-def test_an_interrupt_ends_the_process_beside():
-    def interrupted(waiting):
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt), beside() as submit:
-        interrupted(submit(signal.pause))
-    assert not multiprocessing.active_children()
-
-
-def python_calls(act):
-    """How often Python functions are called: the same on every machine, unlike times."""
-    count = 0
-
-    def hook(frame, event, argument):
-        nonlocal count
-        count += event == 'call'
-
-    sys.setprofile(hook)
-    try:
-        act()
-    finally:
-        sys.setprofile(None)
-    return count
-
-
-def test_nodes_in_lockstep_cost_little_beside_what_they_compute(tmp_path, monkeypatch):
-    """890 calls a step of simulator, controller and recorder, where the loop alone makes 200.
-
-    1000 where what is asked of NumPy, clocks and decoders is not kept small; 1500 where rclpy
-    converts messages.
-    """
+def test_delays_change_no_message(tmp_path, monkeypatch):
+    """A machine on which half a minute goes by between two looks at the clock."""
     from spacerobot_ros.demo.run import track
-    from spacerobot_ros.ros.session import Session
+    from spacerobot_ros.nodes import base
 
     file = load_robot_file('config/servicer.yaml')
-    file = replace(file, settings=file.settings.changed({'reference.duration': 3.0}))
-    in_nodes, until = [], Session.until
-    monkeypatch.setattr(
-        Session, 'until', lambda *args: in_nodes.append(python_calls(lambda: until(*args)))
+    file = replace(file, settings=file.settings.changed({'reference.duration': 1.0}))
+    calm = track(file, None, tmp_path / 'calm')
+    late = itertools.count(0, 30_000_000_000)
+    monkeypatch.setattr(base.RobotNode, 'wall_ns', staticmethod(lambda: next(late)))
+    busy = track(file, None, tmp_path / 'busy')
+    sent = messages_of(tmp_path / 'calm')
+    assert sorted(sent) == sorted(messages_of(tmp_path / 'busy'))
+    each = Counter(topic for topic, *_ in sent)
+    assert {t: each[t] for t in ('/clock', '/joint_states', '/imu/data', '/tracking')} == (
+        dict.fromkeys(('/clock', '/joint_states', '/imu/data', '/tracking'), 101)
     )
-    for k in range(2):  # the first loads kernels
-        steps = len(track(file, None, tmp_path / f'{k}').time)
-    assert steps == 301
-    assert in_nodes[-1] / steps < 900
+    np.testing.assert_array_equal(calm.error, busy.error)
 
 
 def test_wheels_at_rest_are_a_valid_answer_of_the_nodes(tmp_path):

@@ -3,10 +3,10 @@
 import importlib.util
 import os
 import threading
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import rclpy
 from geometry_msgs.msg import QuaternionStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
@@ -15,15 +15,16 @@ from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64MultiArray
 from support.bench import MS, NAMES
 
+from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.nodes.controller import ControllerNode
 from spacerobot_ros.nodes.identifier import IdentifierNode
 from spacerobot_ros.nodes.monitor import MonitorNode
-from spacerobot_ros.nodes.program import node_class, program
 from spacerobot_ros.nodes.sensor_node import TOPICS
 from spacerobot_ros.nodes.simulator import SimulatorNode
 from spacerobot_ros.ros.convert import compose
 from spacerobot_ros.ros.qos import SAMPLES, STATE, best_effort
-from spacerobot_ros.ros.run_node import answer_first, give_way
+from spacerobot_ros.ros.run_node import run_nodes
+from spacerobot_ros.ros.scheduling import SCHEDULING, run_first, run_last
 
 pytestmark = pytest.mark.ros
 
@@ -229,18 +230,18 @@ def test_the_base_is_a_frame(rig, servicer):
     np.testing.assert_array_equal([rotation.x, rotation.y, rotation.z, rotation.w], wanted)
 
 
-def test_all_threads_of_a_controller_answer_first_where_that_is_permitted(monkeypatch):
+def test_all_threads_of_a_process_run_first_where_that_is_permitted(monkeypatch):
     asked = {}
     monkeypatch.setattr(os, 'sched_setscheduler', lambda *a: asked.update({a[0]: a[1:]}))
     monkeypatch.setattr(os, 'sched_getaffinity', lambda _: {0})
-    answer_first()
+    run_first()
     assert not asked  # a lone processor is everybody's
     monkeypatch.setattr(os, 'sched_getaffinity', lambda _: {0, 1})
     blocked = threading.Event()
     thread = threading.Thread(target=blocked.wait)
     thread.start()
     try:
-        answer_first()
+        run_first()
         assert {threading.get_native_id(), thread.native_id} <= asked.keys()
     finally:
         blocked.set()
@@ -253,21 +254,26 @@ def test_all_threads_of_a_controller_answer_first_where_that_is_permitted(monkey
         raise PermissionError
 
     monkeypatch.setattr(os, 'sched_setscheduler', refuse)
-    answer_first()
+    run_first()
 
 
-@pytest.mark.parametrize(
-    ('node', 'schedule'),
-    [('controller', answer_first), ('identifier', give_way), ('monitor', give_way)],
-)
-def test_who_answers_goes_before_who_looks_on(node, schedule):
-    assert node_class(node).schedule is schedule
+def test_the_processor_is_shared_as_an_option_says(rig, servicer, monkeypatch):
+    assert SCHEDULING['fifo'] is run_first
+    assert SCHEDULING['nice'] is run_last
+    asked = []
+    monkeypatch.setitem(SCHEDULING, 'nice', lambda: asked.append('nice'))
+    for given in ({}, {'scheduling': 'nice'}):
+
+        def node(given=given):
+            made = SimulatorNode(parameter_overrides=parameters({**servicer, **given}))
+            made.create_timer(0.001, lambda: rclpy.shutdown(), clock=made.steady)
+            return made
+
+        assert run_nodes([node], []) == 0
+    assert asked == ['nice']  # by default: none
+    with pytest.raises(ConfigurationError, match='scheduling: expected one of none, nice, fifo'):
+        rig.add(SimulatorNode, {**servicer, 'scheduling': 'rt'})
 
 
-@pytest.mark.parametrize('is_lockstep', [False, True])
-def test_in_lockstep_all_nodes_share_the_processor(is_lockstep):
-    called = []
-    settings = SimpleNamespace(simulator=SimpleNamespace(lockstep=is_lockstep))
-    node = SimpleNamespace(settings=settings, schedule=lambda: called.append(True))
-    program('identifier').keywords['schedule'](node)
-    assert bool(called) is not is_lockstep
+def parameters(values):
+    return [Parameter(name, value=value) for name, value in values.items()]

@@ -32,7 +32,7 @@ from spacerobot_ros.ros import convert
 from spacerobot_ros.ros.convert import compose
 from spacerobot_ros.ros.qos import LATCHED, SAMPLES, STATE
 
-pytestmark = [pytest.mark.ros, pytest.mark.usefixtures('unhurried')]
+pytestmark = pytest.mark.ros
 
 
 def node_parameters(law, period, **more):

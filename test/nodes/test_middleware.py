@@ -80,10 +80,11 @@ def talk(node, said, awaited, spin):
     print(bool(heard), shared, 'dds.tls.request\\n' in threads)
 """
 _OURS = """
+from spacerobot_ros.ros.executor import spin_once
 from spacerobot_ros.ros.session import Session
-with Session(by_events=False) as session:
+with Session() as session:
     node = session.plain('ours')
-    talk(node, 'a', 'b', lambda: session._executor.spin_once(timeout_sec=0.05))
+    talk(node, 'a', 'b', lambda: spin_once(session._executor, 0.05))
 """
 _THEIRS = """
 import rclpy

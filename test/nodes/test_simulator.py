@@ -12,7 +12,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from support.models import table_one, to_urdf, wheel_joints, with_wheels
 
-from spacerobot_ros.nodes import simulator
+from spacerobot_ros.nodes.idle import IdleTime
 from spacerobot_ros.nodes.simulator import SimulatorNode
 from spacerobot_ros.recording import messages
 from spacerobot_ros.ros.convert import compose
@@ -65,9 +65,7 @@ def bench(rig, servicer):
     return Bench(rig, servicer)
 
 
-def test_lockstep_steps_once_a_command_with_whole_stamps(bench, monkeypatch):
-    for wait in ('RESEND_PERIOD_NS', 'NEWS_DELAY_NS'):  # a busy machine may answer late
-        monkeypatch.setattr(simulator, wait, 60_000_000_000)
+def test_lockstep_steps_once_a_command_with_whole_stamps(bench):
     bench.run(20)
     bench.rig.until(lambda: len(bench.heard['/joint_states']) == 21)
     bench.rig.drain()
@@ -108,20 +106,41 @@ def test_waits_for_a_controller_then_for_its_command_and_says_so(rig, servicer):
     assert sim.step_index == 0
 
 
-def test_samples_whose_answer_was_lost_are_sent_again(bench):
-    bench.run(2)  # so it was answered before
-    bench.rig.until(lambda: bench.stamps('/joint_states').count(2 * PERIOD) > 1)
-    bench.command(2 * PERIOD)
-    bench.rig.until(lambda: bench.sim.step_index == 3)
+def test_no_sample_is_sent_twice_however_late_its_answer_and_who_listens(bench):
+    wait(bench, 1)
+    late = bench.rig.listen(bench.rig.plain('late'), JointState, '/joint_states', STATE)
+    wait(bench, 4)
+    bench.run(2)
+    bench.rig.until(lambda: len(late) == 2)
+    assert bench.stamps('/joint_states') == bench.stamps('/imu/data') == [0, PERIOD, 2 * PERIOD]
+    clock = [messages.stamp_ns(m.clock) for m in bench.heard['/clock']]
+    assert clock.count(0) > 1  # the time alone is said again
+    assert clock == sorted(clock)
 
 
-def test_unanswered_samples_are_sent_again_to_who_came_late(bench):
+def wait(bench, seconds):
+    """Let the simulator's own timer count so long without an answer."""
+    bench.rig.until(lambda: bench.sim.awaited_ns == 0 and bench.sim.waited_ns > seconds * 1e9)
+
+
+def test_unanswered_samples_are_sent_again_to_a_controller_that_came_late(bench):
     bench.rig.until(lambda: bench.sim.awaited_ns == 0)
     node = bench.rig.plain('late')
     late = bench.rig.listen(node, JointState, '/joint_states', STATE)
     clock = bench.rig.listen(node, Clock, '/clock', STATE)
+    node.create_publisher(JointState, '/joint_commands', STATE)
     bench.rig.until(lambda: late and clock)
     assert messages.stamp_ns(late[0].header.stamp) == messages.stamp_ns(clock[0].clock) == 0
+
+
+def test_time_that_callbacks_take_is_no_time_without_an_answer():
+    now = [0]
+    idle = IdleTime(0.05, lambda: now[0])
+    for now[0] in (50_000_000, 90_000_000, 60_000_000_000):  # the last tick comes a minute late
+        idle.tick()
+    assert idle.ns == 140_000_000
+    idle.clear()
+    assert idle.ns == 0
 
 
 @pytest.mark.parametrize(

@@ -204,7 +204,7 @@ class Loop:
 @contextmanager
 def loop_of_processes(*, is_lockstep: bool) -> Iterator[Loop]:
     """A loop that ends with the block; a SessionError there ends the block, and is counted."""
-    listening = Session(_PATIENCE, by_events=False)
+    listening = Session(_PATIENCE)
     with TemporaryDirectory() as folder, _own_domain() as domain, listening as session:
         loop = Loop(session, Path(folder), domain, is_lockstep=is_lockstep)
         try:
