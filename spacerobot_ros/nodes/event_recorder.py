@@ -10,16 +10,14 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 from rclpy.node import Node
 
 from ..errors import RecordingError
+from ..recording.bags.bag_writer import BagWriter
 from ..ros.session import Recorder
 from .beside import STOP, Beside
-
-if TYPE_CHECKING:
-    from ..recording.bags.bag_writer import BagWriter
 
 _Message: TypeAlias = tuple[str, str, int, bytes]  # topic, type, stamp [ns], serialized
 _Coming: TypeAlias = 'SimpleQueue[_Message | None]'
@@ -105,8 +103,6 @@ class EventRecorder:
 
     def _write(self, stamp_ns: int, first_ns: int, kept: list[_Message], coming: _Coming) -> None:
         """Write what was kept and what comes, until None does; on a thread of its own."""
-        from ..recording.bags.bag_writer import BagWriter  # late: most flights have no event
-
         path = self._free_path(stamp_ns)
         try:
             with BagWriter(path) as bag:

@@ -17,7 +17,7 @@ from spacerobot_ros.nodes.program import node_class
 node_class({node!r})
 print(*sys.modules)
 """
-LIBRARIES = ('matplotlib', 'mujoco', 'pinocchio', 'pytest', 'rich', 'rosbags.rosbag2')
+LIBRARIES = ('matplotlib', 'mujoco', 'pinocchio', 'pytest', 'rich', 'rosbags')
 OF_SCIPY = tuple(
     f'scipy.{room}'
     for room in (
