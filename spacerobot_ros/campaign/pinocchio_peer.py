@@ -35,7 +35,7 @@ def peer(robot: Robot) -> Peer:
     ids = [0]
     if robot.is_free:
         ids[0] = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), 'base')
-        model.appendBodyToJoint(ids[0], robot.bodies[0].spatial_inertia, pin.SE3.Identity())
+        model.appendBodyToJoint(ids[0], pin.Inertia(*robot.bodies[0].solid), pin.SE3.Identity())
     ids += [-1] * robot.n_joints
     for index in tree_order(robot.bodies):
         body = robot.bodies[index]
@@ -48,7 +48,7 @@ def peer(robot: Robot) -> Peer:
         ids[index] = model.addJoint(
             ids[body.parent], kind(body.axis), placement, robot.joints[index - 1]
         )
-        model.appendBodyToJoint(ids[index], body.spatial_inertia, pin.SE3.Identity())
+        model.appendBodyToJoint(ids[index], pin.Inertia(*body.solid), pin.SE3.Identity())
         model.armature[model.joints[ids[index]].idx_v] = body.motor_inertia
     offset = 6 if robot.is_free else 0
     indices = np.array([model.joints[i].idx_v - offset for i in ids[1:]], dtype=int)

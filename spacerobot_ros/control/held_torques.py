@@ -20,7 +20,8 @@ import numpy as np
 import scipy
 
 from ..dynamics.equations import Dynamics
-from ..dynamics.integrate import RK4, Holding
+from ..dynamics.integrate import Holding
+from ..dynamics.tableaus import RK4
 from ..types import Array
 
 FIRST = 100.0

@@ -38,15 +38,17 @@ def _kinds() -> Iterator[type[Effect]]:
 
 
 _KNOWN: dict[str, type[Effect]] = {kind.id: kind for kind in _kinds()}
+_BUILT_IN = frozenset(_KNOWN)
 CATALOGUE: Mapping[str, type[Effect]] = MappingProxyType(_KNOWN)
-"""Every kind of effect by its id, in the order of the documentation; then those of others, whose
-modules the robot file names that was read last."""
+"""Every kind of effect by its id, in the order of the documentation; then those of installed
+packages, once one of them is asked for, and of the modules that the robot file names that was
+read last."""
 
 
 def believed_effects(
     settings: Settings, robot: Robot, folder: Path | None = None
 ) -> tuple[Effect, ...]:
-    """The effects of a robot file, those of its own modules and of installed packages known.
+    """The effects of a robot file, with the kinds of its own modules and of installed packages.
 
     Args:
         settings: Of the robot file.
@@ -56,22 +58,24 @@ def believed_effects(
     Raises:
         ConfigurationError: a module that can't be used, or anything wrong in `effects`.
     """
-    lasting = _add_installed()
-    for one in [one for one in _KNOWN if one not in lasting]:
-        del _KNOWN[one]  # of another robot file: none of what may be wrong with this robot
-    add_named(_KNOWN, settings.robot.effect_modules, folder)
+    if settings.robot.effect_modules or len(_KNOWN) > len(_BUILT_IN):
+        lasting = _add_installed()
+        for one in [one for one in _KNOWN if one not in lasting]:
+            del _KNOWN[one]  # of another robot file: none of what may be wrong with this robot
+        add_named(_KNOWN, settings.robot.effect_modules, folder)
     return bind_effects(settings.effects, robot)
 
 
 def kinds_beside(believed: Iterable[Effect]) -> list[type[Effect]]:
     """The catalogue, and formulas that a robot file has: what may be a cause."""
+    _add_installed()
     own = {type(effect).id: type(effect) for effect in believed}
     return list({**CATALOGUE, **own}.values())
 
 
 @cache
 def _add_installed() -> frozenset[str]:
-    """Ids of the kinds that every robot has."""
+    """Ids of the kinds that every robot has; to look what is installed takes some 50 ms."""
     add_installed(_KNOWN)
     return frozenset(_KNOWN)
 
@@ -118,6 +122,8 @@ def kind_at(
     Raises:
         ConfigurationError: unknown id or place.
     """
+    if effect_id not in CATALOGUE:
+        _add_installed()
     if effect_id not in CATALOGUE:
         near = get_close_matches(effect_id, CATALOGUE, n=3)
         hint = f' (did you mean {", ".join(near)}?)' if near else ''

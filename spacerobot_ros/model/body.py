@@ -9,11 +9,11 @@ from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import pinocchio as pin
 
 from ..errors import ConfigurationError
 from ..formats import either
 from ..types import Matrix3, Vector3
+from .rigid_body import Solid
 from .urdf import Tree, by_parent
 
 SLIDING = {
@@ -67,32 +67,32 @@ class Body:
     motor_inertia: float = 0.0
 
     @property
-    def spatial_inertia(self) -> pin.Inertia:
+    def solid(self) -> Solid:
         """Mass, centre of mass and inertia in the body frame.
 
         Raises:
             ConfigurationError: an inertia that no body has.
         """
-        try:
-            return pin.Inertia(self.mass, self.com, self.inertia)
-        except RuntimeError as error:
-            raise ConfigurationError(self.name, 'has an inertia that no body has') from error
+        if not np.all(np.diagonal(self.inertia) >= 0.0):
+            raise ConfigurationError(self.name, 'has an inertia that no body has')
+        return Solid(self.mass, self.com, self.inertia)
 
-    def with_spatial_inertia(self, inertia: pin.Inertia) -> Body:
+    def with_solid(self, solid: Solid) -> Body:
         """The body with another mass, centre of mass and inertia."""
-        com, central = inertia.lever.copy(), inertia.inertia.copy()
-        return replace(self, mass=inertia.mass, com=com, inertia=central)
+        return replace(self, mass=solid.mass, com=solid.com, inertia=solid.inertia)
 
     @property
     def effective_inertia(self) -> float:
         """What it opposes to its own joint: mass [kg], or moment about the axis [kg m^2]."""
-        moments = self.spatial_inertia.matrix()[3:, 3:]
-        return self.mass if self.is_prismatic else float(self.axis @ moments @ self.axis)
+        if self.is_prismatic:
+            return self.mass
+        own, arm = self.axis @ self.solid.inertia @ self.axis, np.cross(self.axis, self.com)
+        return float(own + self.mass * (arm @ arm))
 
     def without(self, part: Body) -> Body:
         """Less a part that `part.rotation` and `part.translation` place in it."""
-        placed = pin.SE3(part.rotation, part.translation).act(part.spatial_inertia)
-        return self.with_spatial_inertia(self.spatial_inertia - placed)
+        placed = part.solid.placed(part.rotation, part.translation)
+        return self.with_solid(self.solid.without(placed))
 
 
 def inertia_ellipsoid(body: Body) -> tuple[Vector3, Matrix3] | None:
@@ -214,12 +214,12 @@ def merge_bodies(tree: Tree, joints: tuple[str, ...]) -> tuple[tuple[Body, ...],
                 bodies[index] = Body(joint.child, body, *mount, joint.axis, slides)
                 frames[joint.child] = (index, *here)
             frontier.append(joint.child)
-    inertias: dict[int, pin.Inertia] = {}
+    solids: dict[int, Solid] = {}
     for part in tree.links.values():
         index, rotation, origin = frames[part.name]
-        own = pin.SE3(rotation, origin).act(pin.Inertia(part.mass, part.com, part.inertia))
+        own = part.solid.placed(rotation, origin)
         if part.mass > 0.0:  # the first as it is: a single link stays exact
-            inertias[index] = inertias[index] + own if index in inertias else own
-    for index, inertia in inertias.items():
-        bodies[index] = bodies[index].with_spatial_inertia(inertia)
+            solids[index] = solids[index].joined(own) if index in solids else own
+    for index, solid in solids.items():
+        bodies[index] = bodies[index].with_solid(solid)
     return tuple(bodies[i] for i in range(len(bodies))), frames

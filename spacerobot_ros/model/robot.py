@@ -18,12 +18,12 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 
 from ..errors import ConfigurationError
 from ..types import Array, BoolArray, Vector3
 from .body import Body, Gyrostat, Rotor, joint_unit, last_bodies, tree_order
 from .inputs import Inputs, MountedThruster
+from .rigid_body import Solid
 from .robot_settings import SensorSettings
 from .uncertainty import USUAL, BodyUncertainty
 from .urdf import Tree, parse_urdf
@@ -197,8 +197,8 @@ class Robot:
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """(n + 1, 10) of every body about its own frame, in the order of `toDynamicParameters`."""
-        return np.array([b.spatial_inertia.toDynamicParameters() for b in self.bodies])
+        """(n + 1, 10) of every body about its own frame, in the order of `Solid.row`."""
+        return np.array([b.solid.row for b in self.bodies])
 
     @cached_property
     def moves(self) -> BoolArray:
@@ -247,11 +247,8 @@ class Robot:
             parameters: (n + 1, 10) as `inertial_parameters`; not checked for physical consistency.
         """
         parameters = _finite(parameters, (len(self.bodies), 10), 'inertial parameters')
-        # a massless frame stays one: its centre of mass would be 0/0
         bodies = tuple(
-            body.with_spatial_inertia(
-                pin.Inertia.FromDynamicParameters(row) if row[0] else pin.Inertia.Zero()
-            )
+            body.with_solid(Solid.of_row(row))
             for body, row in zip(self.bodies, parameters, strict=True)
         )
         return replace(self, bodies=bodies)

@@ -13,12 +13,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from ..errors import ModelError
 from ..types import Matrix3, Vector3
 from .files import MOST_URDF
-from .rigid_body import fault_of
+from .rigid_body import Solid, fault_of
 from .schema import LARGEST
 from .urdf_joints import MOVING, Joint, Mimic, with_held
 
@@ -41,6 +40,11 @@ class Link:
     mass: float
     com: Vector3
     inertia: Matrix3
+
+    @property
+    def solid(self) -> Solid:
+        """Mass, centre of mass and inertia."""
+        return Solid(self.mass, self.com, self.inertia)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -200,14 +204,8 @@ def _whole(links: dict[str, Link], below: Mapping[str, Sequence[Joint]], names: 
 
 def _joined(link: Link, part: Link, joint: Joint) -> Link:
     """A link with another one on it."""
-    mass = link.mass + part.mass
-    at = joint.translation + joint.rotation @ part.com
-    turned = joint.rotation @ part.inertia @ joint.rotation.T
-    if not mass:
-        return Link(link.name, mass, link.com, link.inertia + turned)
-    apart, com = at - link.com, (link.mass * link.com + part.mass * at) / mass
-    spread = link.mass * part.mass / mass * (apart @ apart * np.eye(3) - np.outer(apart, apart))
-    return Link(link.name, mass, com, link.inertia + turned + spread)
+    placed = part.solid.placed(joint.rotation, joint.translation)
+    return Link(link.name, *link.solid.joined(placed))
 
 
 def _parse_joint(element: ElementTree.Element, place: str) -> Joint:
@@ -273,8 +271,19 @@ def _parse_origin(element: ElementTree.Element | None, where: str) -> tuple[Vect
         return np.zeros(3), np.eye(3)
     translation = np.array(_parse_numbers(element.get('xyz', '0 0 0'), 3, f'{where} origin xyz'))
     rpy = _parse_numbers(element.get('rpy', '0 0 0'), 3, f'{where} origin rpy')
-    # URDF: fixed-axis roll, pitch, yaw.
-    return translation, pin.rpy.rpyToMatrix(*rpy) if any(rpy) else np.eye(3)
+    return translation, _turned_by(*rpy) if any(rpy) else np.eye(3)
+
+
+def _turned_by(roll: float, pitch: float, yaw: float) -> Matrix3:
+    """Rotation of a URDF's angles, about the fixed axes x, then y, then z."""
+    (sr, cr), (sp, cp), (sy, cy) = ((math.sin(a), math.cos(a)) for a in (roll, pitch, yaw))
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
 
 
 def _parse_numbers(text: str, count: int, where: str) -> list[float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -9,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
+from ..types import Matrix3
 from .files import read_parameters, write_parameters, write_text
 from .robot import Body, Robot
 from .urdf import INERTIA
@@ -127,9 +128,17 @@ def _fix(element: ElementTree.Element, joint: Joint) -> None:
     for child in list(element):
         if child.tag not in ('parent', 'child'):
             element.remove(child)
-    origin = {'xyz': joint.translation, 'rpy': pin.rpy.matrixToRpy(joint.rotation)}
-    written = {key: ' '.join(repr(float(x)) for x in value) for key, value in origin.items()}
+    origin = {'xyz': joint.translation.tolist(), 'rpy': _angles_of(joint.rotation)}
+    written = {key: ' '.join(map(repr, value)) for key, value in origin.items()}
     element.insert(0, ElementTree.Element('origin', written))
+
+
+def _angles_of(rotation: Matrix3) -> tuple[float, float, float]:
+    """Roll, pitch and yaw of a URDF, for any of its rotations."""
+    (xx, xy, xz), (yx, yy, yz), (zx, _, _) = rotation.tolist()
+    yaw = math.atan2(yx, xx)
+    s, c = math.sin(yaw), math.cos(yaw)  # undone: the rest is also right where pitch is 90 deg
+    return math.atan2(s * xz - c * yz, c * yy - s * xy), math.atan2(-zx, math.hypot(xx, yx)), yaw
 
 
 def _inertial(body: Body) -> ElementTree.Element:

@@ -5,6 +5,7 @@ See docs/nodes/controller.md.
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,12 @@ from .pairing import Pairing
 from .parameter_publisher import ParameterPublisher
 from .sensor_node import TOPICS, SensorNode
 from .trajectory_action import TrajectoryAction
+
+
+def load_solvers() -> None:
+    """Load what limits and waypoints call: within a cycle of the loop that takes too long."""
+    for name in ('scipy.interpolate', 'scipy.optimize'):
+        import_module(name)
 
 
 class ControllerNode(SensorNode):
@@ -139,6 +146,8 @@ class ControllerNode(SensorNode):
 
     def on_robot(self, robot: Robot) -> None:
         """Take up the robot; start by itself if that is asked for."""
+        if not self.settings.simulator.lockstep:
+            load_solvers()
         self.loop = ControlLoop(robot, self.settings)
         self._estimates = EstimateCheck(self.loop.robot, self.settings)
         self._names, self._base_link = list(robot.joints), robot.base_link

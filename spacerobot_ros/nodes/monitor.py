@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -29,8 +29,10 @@ from ..recording.robot_inputs import own_wheels
 from ..ros import convert
 from ..ros.diagnostics import ERROR, OK, STALE, WARN, Status
 from ..ros.qos import LATCHED, SAMPLES
-from .event_recorder import EventRecorder
 from .sensor_node import TOPICS, SensorNode, outliers
+
+if TYPE_CHECKING:
+    from .event_recorder import EventRecorder
 
 LEVELS = {'ok': OK, 'warn': WARN, 'error': ERROR, 'stale': STALE}
 
@@ -88,6 +90,8 @@ class MonitorNode(SensorNode):
         if settings.monitor.record_folder:
             folder = Path(settings.monitor.record_folder)
             span = (settings.monitor.pre_trigger, settings.monitor.post_trigger)
+            from .event_recorder import EventRecorder  # late: it loads what bags are written with
+
             self.recorder = EventRecorder(self, kept, folder, span, robot.urdf, self.newest_ns)
         self.follow(robot, sensors, SAMPLES, efforts=True)
         if robot.thrusters:

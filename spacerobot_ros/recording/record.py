@@ -182,7 +182,7 @@ class Record:
             used.
         zero_ns: Stamp that seconds count from [ns]; None: the first of any sensor.
         inputs: What else was measured or commanded, under free names or known ones
-            (`thrusters`, and those of `mapped_inputs.INPUTS`).
+            (`thrusters`, and those of `units.INPUTS`).
         description: URDF that was published beside; empty where there was none.
     """
 

@@ -20,7 +20,7 @@ from ..control.joint_reference import Reference, Setpoint
 from ..dynamics.aba import aba
 from ..dynamics.compiling import compiled
 from ..dynamics.equations import joint_torques
-from ..dynamics.integrate import DOP853
+from ..dynamics.tableaus import DOP853
 from ..dynamics.tree import LINK, Records, tree_of
 from ..model.robot import Robot
 from ..types import Array

@@ -6,14 +6,13 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from ..dynamics.equations import Dynamics
-from ..dynamics.integrate import TABLEAUS
 from ..dynamics.state import initial_state
+from ..dynamics.tableaus import TABLEAUS
 from ..effects.catalogue import believed_effects, changed_robot
 from ..errors import ConfigurationError
-from ..model.rigid_body import check_inertia
+from ..model.rigid_body import Solid, check_inertia
 from ..model.robot import Robot
 from ..model.settings import Settings, TruthSettings
 from ..recording.bags.compose import Composer
@@ -143,7 +142,7 @@ def _with_true_inertia(robot: Robot, truth: TruthSettings) -> Robot:
         where = f'truth.inertial_parameters of {link!r}'
         if row[0] <= 0.0:
             raise ConfigurationError(where, f'mass {row[0]:g} kg must be above zero')
-        inertia = pin.Inertia.FromDynamicParameters(row)
-        check_inertia(inertia.mass, inertia.inertia, where)
+        solid = Solid.of_row(row)
+        check_inertia(solid.mass, solid.inertia, where)
         parameters[names.index(link)] = row
     return robot.with_inertial_parameters(parameters) if truth.links else robot

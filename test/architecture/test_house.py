@@ -181,13 +181,6 @@ def test_what_belongs_to_a_room_stays_there(what, belongs, rooms):
     assert not outside, what
 
 
-@pytest.mark.parametrize('node', ['simulator', 'identifier', 'controller'])
-def test_a_node_starts_without_what_takes_long_to_load(node):
-    loaded = reached(file_graph(), f'{PACKAGE}.nodes.{node}')
-    slow = {'scipy.signal', 'scipy.stats'}  # a third of a second
-    assert not {short((name,))[0] for name in loaded if slow & set(imports(name))}
-
-
 def test_only_the_command_line_prints():
     printing = {
         short((name,))[0]

@@ -79,7 +79,7 @@ def pinocchio(robot):
         parent = numbers[body.parent] if numbers else 0
         placed = pin.SE3(body.rotation, body.translation)
         numbers.append(model.addJoint(parent, kind, placed, body.name))
-        model.appendBodyToJoint(numbers[-1], body.spatial_inertia, pin.SE3.Identity())
+        model.appendBodyToJoint(numbers[-1], pin.Inertia(*body.solid), pin.SE3.Identity())
     return model, model.createData()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import DOP853 as SCIPY
 from scipy.integrate import solve_ivp
 from support.attitudes import angle_between
 from support.models import (
@@ -23,8 +24,10 @@ from support.states import random_state
 
 from spacerobot_ros.control.joint_reference import build_reference
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.integrate import DOP853, RK4, hold_step, rk_step, simulate_smooth
+from spacerobot_ros.dynamics.integrate import hold_step, rk_step
+from spacerobot_ros.dynamics.smooth_motion import simulate_smooth
 from spacerobot_ros.dynamics.state import State
+from spacerobot_ros.dynamics.tableaus import DOP853, RK4
 from spacerobot_ros.errors import SimulationDivergedError
 from spacerobot_ros.model.motion_settings import ReferenceSettings
 from spacerobot_ros.model.settings import SimulatorSettings
@@ -212,6 +215,14 @@ def test_a_held_step_is_the_general_step_of_order_8(make, rng):
         y = rk_step(lambda t, z: dynamics.rate(z, tau, wrench), 0.0, y, 0.01)
         y[3:7] /= np.linalg.norm(y[3:7])
     np.testing.assert_allclose(held, y, rtol=1e-14, atol=1e-13)  # wheels turn at 500 rad/s
+
+
+def test_the_coefficients_are_scipys():
+    (*nodes, end), weights = DOP853
+    stages = SCIPY.n_stages
+    np.testing.assert_array_equal(nodes, SCIPY.C[:stages])
+    np.testing.assert_array_equal(weights, np.vstack([SCIPY.A[:stages, :stages], SCIPY.B]))
+    assert end == 1.0
 
 
 def test_smooth_motion_equals_scipy(rng):

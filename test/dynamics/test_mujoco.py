@@ -24,7 +24,7 @@ from support.models import (
 from support.states import random_state
 
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.integrate import simulate_smooth
+from spacerobot_ros.dynamics.smooth_motion import simulate_smooth
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.simulation.truth import true_robot
 

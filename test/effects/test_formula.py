@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -497,3 +500,32 @@ def test_effects_of_a_module_that_raise_later_are_one_line_with_their_place(with
         file = with_module(text, f'late_{i}.py', effects={'own': entry})
         with pytest.raises(ConfigurationError, match=rf'{i}.py\): \w+.force: raises .*\.py:'):
             file.effects[0].force(motion_of(file.robot, rng, 3), np.zeros((3, 0)))
+
+
+_ASKS = f"""
+from pathlib import Path
+from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects, kinds_beside
+from spacerobot_ros.effects.robot_file import load_robot_file
+file = load_robot_file(Path({str(CONFIG / 'servicer.yaml')!r}))
+print('grease' in CATALOGUE)
+entry = {{'effect': 'grease', 'where': 'joint_1', 'coefficient': 0.5}}
+print(bind_effects({{'own': entry}}, file.robot)[0].id)
+print('grease' in {{kind.id for kind in kinds_beside(())}})
+"""
+
+
+def test_effects_of_an_installed_package_are_there_once_they_are_asked_for(tmp_path):
+    (tmp_path / 'greasy.py').write_text(MODULE.replace('{id}', 'grease'))
+    described = tmp_path / 'greasy-1.0.dist-info'
+    described.mkdir()
+    (described / 'METADATA').write_text('Metadata-Version: 2.1\nName: greasy\nVersion: 1.0\n')
+    (described / 'entry_points.txt').write_text('[spacerobot.effects]\ngreasy = greasy\n')
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    done = subprocess.run(
+        [sys.executable, '-c', _ASKS],
+        env={**os.environ, 'PYTHONPATH': path},
+        capture_output=True,
+        check=True,
+        text=True,
+    )
+    assert done.stdout.split() == ['False', 'grease', 'True']

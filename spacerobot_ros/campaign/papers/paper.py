@@ -25,7 +25,7 @@ from ...control.computed_torque import ComputedTorque, Model, robot_model
 from ...control.joint_reference import Reference as JointReference
 from ...control.joint_reference import build_reference
 from ...dynamics.equations import Dynamics
-from ...dynamics.integrate import TorqueOf, simulate_smooth
+from ...dynamics.smooth_motion import TorqueOf, simulate_smooth
 from ...dynamics.state import State, initial_state
 from ...errors import ConfigurationError
 from ...estimation.trajectory.base_response import BaseResponse, BaseStart

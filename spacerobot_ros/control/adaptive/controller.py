@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.linalg import eigh
+import scipy
 
 from ...dynamics.equations import Dynamics, without_translation
 from ...errors import ConfigurationError, MessageRejectedError
@@ -196,7 +196,7 @@ class AdaptiveController:
             return
         self._weighed_at[:] = self._q
         M = without_translation(self._dynamics.mass_matrix(self._q))
-        fastest = float(eigh(self._whole_K, M, eigvals_only=True)[-1])
+        fastest = float(scipy.linalg.eigh(self._whole_K, M, eigvals_only=True)[-1])
         share = min(1.0, largest_rate(self.settings, self.period) / fastest)
         self._K[3:, 3:] = share * self._whole_K
         self._learner.weaken(share)

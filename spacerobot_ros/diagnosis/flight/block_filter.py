@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from ...estimation.filters.prediction import Columns
 from ...estimation.filters.torque_process import TorqueDriven
@@ -157,7 +157,7 @@ class FlightFilter:
         mean[base:m] += last.q[0] - first.q[0]
         mean[m + base : 2 * m] += last.qd[0] - first.qd[0]
         if base:
-            attitude = last.rotation[0] * Rotation.from_rotvec(mean[:3])
+            attitude = last.rotation[0] * scipy.spatial.transform.Rotation.from_rotvec(mean[:3])
             mean[:3] = (first.rotation[0].inv() * attitude).as_rotvec()
             mean[m : m + 3] += last.omega[0] - first.omega[0]
 

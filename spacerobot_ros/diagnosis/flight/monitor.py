@@ -23,7 +23,7 @@ from ...recording.faults.thresholds import FEWEST_SAMPLES
 from ...recording.messages import vector
 from ...recording.record import Record
 from ...recording.robot_inputs import own_wheels
-from ...recording.tables.mapped_inputs import INPUTS
+from ...recording.tables.units import INPUTS
 from ...types import Array
 from .alarms import Alarms
 from .block_filter import FlightFilter

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 
+from ...model.rigid_body import Solid
 from ...model.robot import Robot
 from ...types import Array
 from ..effect import Effect
@@ -36,8 +36,7 @@ class MovingBodyEffect(Effect):
 
     def row(self, robot: Robot) -> Array:
         """(10,) inertial parameters of the body."""
-        body = robot.bodies[body_index(robot, self.where)]
-        return np.asarray(body.spatial_inertia.toDynamicParameters())
+        return robot.bodies[body_index(robot, self.where)].solid.row
 
     def with_addition(self, robot: Robot, addition: Array) -> Robot:
         """The robot with inertial parameters (10,), in the order of `NAMES`, added to the body.
@@ -51,13 +50,12 @@ class MovingBodyEffect(Effect):
         mass = float(row[0])
         if mass < 0.0 or (mass == 0.0 and row.any()):
             raise self.refusal(f'leaves {self.where} with a mass of {mass:g} kg')
-        # a massless frame stays one: its centre of mass would be 0/0
-        left = pin.Inertia.FromDynamicParameters(row) if mass else pin.Inertia.Zero()
+        left = Solid.of_row(row)
         least = float(np.linalg.eigvalsh(left.inertia)[0])
         if least < -_ROUNDING * largest:
             why = f'leaves {self.where} with a moment of inertia of {least:.4g} kg m^2'
             raise self.refusal(why)
-        return robot.with_body(index, robot.bodies[index].with_spatial_inertia(left))
+        return robot.with_body(index, robot.bodies[index].with_solid(left))
 
 
 class InertialParameters(MovingBodyEffect):

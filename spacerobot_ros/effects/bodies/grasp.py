@@ -22,7 +22,6 @@ on evenly see the same, and momentum is kept exactly.
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 
 from ...dynamics.rotation import cross_rows, skew
 from ...model.robot import Robot
@@ -148,8 +147,7 @@ class GraspCompliance(Sprung):
         return np.asarray(robot.bodies[body_index(robot, self.where)].com)
 
     def _inertia(self, robot: Robot) -> Matrix3:
-        host = pin.Inertia.FromDynamicParameters(self.row(robot))  # has a mass, the part may not
-        return self._by_host * np.asarray(host.inertia)
+        return self._by_host * robot.bodies[body_index(robot, self.where)].inertia
 
     def _twist(self, robot: Robot, hidden: Array) -> Array:
         """(N, 3) torque T of the springs on the host."""

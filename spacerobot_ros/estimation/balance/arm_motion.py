@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
+import scipy
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.ndimage import binary_opening, maximum_filter1d, minimum_filter1d
-from scipy.signal import butter, sosfilt, sosfilt_zi
 from scipy.spatial.transform import Rotation
 
 from ...effects.joint import STICTION_RATE
@@ -300,7 +300,7 @@ def _low_passed(values: Array, cut: float, step: float, *, is_path: bool = False
     steady = steady.reshape(*steady.shape, *[1] * (values.ndim - 1))
     out = _extended(whole, reach)
     for _ in range(2):  # forwards, then backwards, as if the first value had always been
-        out = sosfilt(sections, out, axis=0, zi=steady * out[0])[0][::-1]
+        out = scipy.signal.sosfilt(sections, out, axis=0, zi=steady * out[0])[0][::-1]
     margin = reach * (1 + is_path)
     return np.asarray(out[margin : margin + len(values)])
 
@@ -334,8 +334,8 @@ def _butterworth(cut: float) -> tuple[Array, Array]:
 
     `cut` is by the rate of samples.
     """
-    sections = butter(3, cut, fs=1.0, output='sos')
-    return np.asarray(sections), np.asarray(sosfilt_zi(sections))
+    sections = scipy.signal.butter(3, cut, fs=1.0, output='sos')
+    return np.asarray(sections), np.asarray(scipy.signal.sosfilt_zi(sections))
 
 
 def _widened(where: BoolArray, margin: int) -> BoolArray:

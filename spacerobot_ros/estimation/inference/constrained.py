@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+import scipy
 
 from ...dynamics.pseudo_inertia import BASIS, pseudo_inertia
 from ...types import Array, IntArray
@@ -72,12 +72,12 @@ def _least(matrix: Array, right: Array) -> Array:
     By Cholesky's factor where that is safe: a tenth of the time of singular values.
     """
     try:
-        factor = cho_factor(matrix, check_finite=False)
+        factor = scipy.linalg.cho_factor(matrix, check_finite=False)
     except np.linalg.LinAlgError:
         factor = None
     if factor is None or np.min(np.diag(factor[0])) < _SAFE:
         return np.asarray(np.linalg.lstsq(matrix, right, 1e-14)[0])
-    return np.asarray(cho_solve(factor, right, check_finite=False))
+    return np.asarray(scipy.linalg.cho_solve(factor, right, check_finite=False))
 
 
 @dataclass(frozen=True, eq=False)

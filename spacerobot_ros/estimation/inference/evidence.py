@@ -22,8 +22,6 @@ from operator import add
 
 import numpy as np
 import scipy
-from scipy.linalg import cho_factor, cho_solve, lapack
-from scipy.special import chdtrc, fdtrc, fdtri
 
 from ...types import Array, IntArray
 
@@ -155,19 +153,19 @@ def folds(parts: Sequence[Gram], nuisance: int, precision: Array) -> list[Fold]:
 
 def chi_square_tail(value: float, dof: float) -> float:
     """Probability that a chi-square is above a value; scipy.stats takes half a second to load."""
-    return float(chdtrc(dof, max(value, 0.0)))
+    return float(scipy.special.chdtrc(dof, max(value, 0.0)))
 
 
 def fisher_tail(square: float, dof: float, freedom: float) -> float:
     """Probability that a chi-square is above a value, by a variance of some freedom."""
     if math.isinf(freedom):
         return chi_square_tail(square, dof)
-    return float(fdtrc(dof, freedom, max(square, 0.0) / dof))
+    return float(scipy.special.fdtrc(dof, freedom, max(square, 0.0) / dof))
 
 
 def fisher_limit(chance: float, dof: float, freedom: float) -> float:
     """The square whose `fisher_tail` is a chance; freedom finite."""
-    return dof * float(fdtri(dof, freedom, 1.0 - chance))
+    return dof * float(scipy.special.fdtri(dof, freedom, 1.0 - chance))
 
 
 def sum_of(parts: Sequence[Gram]) -> Gram:
@@ -237,10 +235,10 @@ def _solved(matrix: Array, right: Array) -> Array:
     """matrix^-1 right of a symmetric matrix; the least solution where it is singular."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     try:
-        factor = cho_factor(scale[:, None] * matrix * scale, check_finite=False)
+        factor = scipy.linalg.cho_factor(scale[:, None] * matrix * scale, check_finite=False)
     except np.linalg.LinAlgError:
         return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0])
-    return np.asarray(scale[:, None] * cho_solve(factor, scale[:, None] * right))
+    return np.asarray(scale[:, None] * scipy.linalg.cho_solve(factor, scale[:, None] * right))
 
 
 def inverse_of_positive(matrix: Array) -> Array:
@@ -248,10 +246,10 @@ def inverse_of_positive(matrix: Array) -> Array:
 
     Where rounding has left it no factor of Cholesky's, as of any other matrix.
     """
-    factor, failed = lapack.dpotrf(matrix, lower=1)
+    factor, failed = scipy.linalg.lapack.dpotrf(matrix, lower=1)
     if failed:
         return np.asarray(np.linalg.inv(matrix))
-    lower = np.tril(lapack.dpotri(factor, lower=1)[0])
+    lower = np.tril(scipy.linalg.lapack.dpotri(factor, lower=1)[0])
     return np.asarray(lower + np.tril(lower, -1).T)
 
 

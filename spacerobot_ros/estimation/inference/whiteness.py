@@ -10,7 +10,7 @@ verdict.
 from __future__ import annotations
 
 import numpy as np
-from scipy.fft import dct, rfft
+import scipy
 
 from ...types import Array
 from ..rows import ChannelFit
@@ -68,9 +68,9 @@ def channel_fit(name: str, axis: int, values: Array, times: Array) -> ChannelFit
     spread = float(np.sqrt(np.mean(values**2)))
     white = values / spread
     count = len(white)
-    energy = dct(white, norm='ortho') ** 2
+    energy = scipy.fft.dct(white, norm='ortho') ** 2
     slow = [chi_square_tail(np.sum(energy[:k]), k) for k in LOWEST_TERMS if 2 * k < count]
-    power = np.abs(rfft(white)[1 : (count + 1) // 2]) ** 2 / count
+    power = np.abs(scipy.fft.rfft(white)[1 : (count + 1) // 2]) ** 2 / count
     peak = int(np.argmax(power))
     line = float(-np.expm1(len(power) * np.log1p(-np.exp(-power[peak]))))
     questions = len(slow) + 1

@@ -22,8 +22,7 @@ from ...types import Array, IntArray
 from .. import messages
 from ..record import UNIT_TOLERANCE, AttitudeSeries, JointSeries, RateSeries, Record, shown
 from ..series import InputSeries
-from ..tables.mapped_inputs import INPUTS
-from ..tables.units import SI_UNITS
+from ..tables.units import INPUTS, SI_UNITS
 from .bag_storage import StoredMessages, read_messages
 from .message_types import decoded
 

@@ -8,6 +8,7 @@ step of the torques makes, explain much less.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -26,11 +27,11 @@ Less than both flanks of a sensor of 20 Hz, whose rates held torques swing betwe
 _DEGREE = 5
 _SPARE = 4  # errors at least, from which the spread on both sides is known
 _USUAL = 9  # differences whose median is the slope
-_JUMP = 2.0 * scipy.special.ndtr(-2.5)
+_JUMP = math.erfc(2.5 / math.sqrt(2.0))
 """Chance of a jump as large: of 12 in a thousand differences of noise few make a pair."""
-_CHANCE = 2.0 * scipy.special.ndtr(-6.0)
+_CHANCE = math.erfc(6.0 / math.sqrt(2.0))
 """Of a mean error as large: as of one sample (`identification.outliers.FURTHEST`)."""
-_BESIDE = 2.0 * scipy.special.ndtr(-3.0)
+_BESIDE = math.erfc(3.0 / math.sqrt(2.0))
 """Chance of what else a jump and a kink leave, at the best of some 50 places: as of the noise of
 the samples of the window, which a burst leaves out."""
 

@@ -22,7 +22,7 @@ from ..robot_inputs import EXTRA
 from ..series import InputSeries
 from .mapped_columns import ColumnReader, spread
 from .mapping import ColumnMapping, EffortColumns, MappedColumns
-from .units import CURRENT, FIELD, FORCE, LENGTH, SI_UNITS, TORQUE, is_current
+from .units import CURRENT, INPUTS, SI_UNITS, is_current
 
 
 def check_kinds(place: str, robot: Robot | None, columns: Iterable[tuple[str, str, str]]) -> None:
@@ -142,18 +142,6 @@ def read_efforts(
         if which.any():
             reader.notes.append(f'{", ".join(np.array(names)[which])}: {what}')
     return MappedEfforts(parts, passive, unknown)
-
-
-_XYZ = ('x', 'y', 'z')
-INPUTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    'base_wrench': (
-        tuple(f'{what}_{axis}' for what in ('force', 'torque') for axis in _XYZ),
-        (FORCE,) * 3 + (TORQUE,) * 3,
-    ),
-    'magnetic_field': (_XYZ, (FIELD,) * 3),
-    'base_position': (_XYZ, (LENGTH,) * 3),
-}
-"""Columns and quantities of inputs whose meaning is known, beside the thrusters' commands."""
 
 
 def read_inputs(

@@ -1,4 +1,4 @@
-"""Units of measured columns: the known ones, what they measure, and their size in SI."""
+"""What columns measure, and its units: the known ones, and their size in SI."""
 
 from __future__ import annotations
 
@@ -47,6 +47,16 @@ _SIZES: dict[str, dict[str, float]] = {
 }
 SI_UNITS = {quantity: next(iter(sizes)) for quantity, sizes in _SIZES.items()} | {'': ''}
 """By quantity: the first one of each is of size 1."""
+_XYZ = ('x', 'y', 'z')
+INPUTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    'base_wrench': (
+        tuple(f'{what}_{axis}' for what in ('force', 'torque') for axis in _XYZ),
+        (FORCE,) * 3 + (TORQUE,) * 3,
+    ),
+    'magnetic_field': (_XYZ, (FIELD,) * 3),
+    'base_position': (_XYZ, (LENGTH,) * 3),
+}
+"""Columns and quantities of inputs whose meaning is known, beside the thrusters' commands."""
 _ALIASES = {'Nm': 'N m', 'mNm': 'mN m', 'kNm': 'kN m', 'Ncm': 'N cm', 'Nmm': 'N mm'}
 
 

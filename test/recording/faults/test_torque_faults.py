@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import savgol_filter
 
 mujoco = pytest.importorskip('mujoco')
 
 from support.mujoco_truth import ROBOTS, believing, generate  # noqa: E402
 
 from spacerobot_ros.effects.robot_file import load_robot_file  # noqa: E402
-from spacerobot_ros.recording.faults.torque_faults import find_torque_faults  # noqa: E402
+from spacerobot_ros.recording.faults.torque_faults import find_torque_faults, smoothed  # noqa: E402
 from spacerobot_ros.recording.record import JointSeries, Record  # noqa: E402
 
 DEGREES = 180.0 / np.pi
@@ -207,3 +208,16 @@ def test_a_joint_in_jerks_holds_any_torque_between_them(known):
     q += np.outer(jerks, np.eye(q.shape[1])[1] * 0.1 + np.eye(q.shape[1])[0] * 2e-3)
     idle = JointSeries(record.joints.names, record.joints.stamp_ns, q, effort=0.0 * q)
     assert not find_torque_faults(replace(record, joints=idle), model)
+
+
+@pytest.mark.parametrize('span', [5, 21, 41])
+def test_smoothed_is_the_filter_of_savitzky_and_golay(span, rng):
+    values, step = rng.normal(size=(200, 2)), 0.01
+    rows = np.arange(span, 200 - span, 7)
+    expected = [
+        savgol_filter(values, span, 3, order, step, axis=0)[rows] * step**order
+        for order in range(3)
+    ]
+    found = smoothed(values, rows, span, step) * step ** np.arange(3.0)[:, None, None]
+    # numbers of one and below, whose windows of cubics are conditioned like span^3
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
