@@ -107,9 +107,12 @@ class Browser:
         more = {} if kind == 'mouseMoved' else {'button': 'left', 'clickCount': 1}
         self._ask('Input.dispatchMouseEvent', type=kind, x=x, y=y, buttons=buttons, **more)
 
-    def picture(self, path: Path) -> None:
-        """Save what is seen."""
-        shot = self._ask('Page.captureScreenshot', format='png')
+    def picture(self, path: Path, selector: str = 'html') -> None:
+        """Save what is seen of an element."""
+        keys = ('x', 'y', 'width', 'height')
+        box = self.ask(f'document.querySelector({selector!r}).getBoundingClientRect().toJSON()')
+        clip = {**{key: box[key] for key in keys}, 'scale': 1}
+        shot = self._ask('Page.captureScreenshot', format='png', clip=clip)
         path.write_bytes(base64.b64decode(shot['data']))
 
     def _ask(self, method: str, **params: Any) -> dict[str, Any]:

@@ -182,7 +182,9 @@
       } else world.add(root);
       return { ...arrow, values: floats(arrow.values), root, point, v: new THREE.Vector3() };
     });
-    const longest = Math.max(1e-12, ...arrows.flatMap((a) => Array.from(a.values, Math.abs)));
+    const longestOf = (isWheels) => Math.max(1e-12, ...arrows.filter(({ body }) => body >= 0 === isWheels)
+      .flatMap(({ values }) => Array.from(values, Math.abs))); // wheels hold a part of the total
+    const scales = { true: (0.5 * size) / longestOf(true), false: (0.9 * size) / longestOf(false) };
     const name = labels(scene.marks.map(({ body, text }) => {
       const at = new THREE.Group();
       at.position.fromArray(scene.bodies[body].com);
@@ -257,7 +259,7 @@
         arrow.v.fromArray(arrow.values, arrow.values.length > 3 ? 3 * k : 0);
         const amount = arrow.v.length();
         arrow.root.visible = amount > 0;
-        if (amount > 0) arrow.point(arrow.v, Math.max((0.9 * size * amount) / longest, 0.02 * size));
+        if (amount > 0) arrow.point(arrow.v, Math.max(scales[arrow.body >= 0] * amount, 0.02 * size));
         words[i].textContent = `${amount.toPrecision(4)} N m s`;
       });
       if (look.value === 'with the base') {
