@@ -96,8 +96,8 @@ def test_words_at_bodies_can_be_read_and_none_covers_another(page, browser):
     boxes = browser.ask("""(() => {
         const view = document.querySelector('.view').getBoundingClientRect();
         return [...document.querySelectorAll('.mark')].map((mark) => {
-            const { top, bottom } = mark.getBoundingClientRect();
-            return [top - view.top, bottom - view.top, parseFloat(getComputedStyle(mark).fontSize)];
+            const { top, bottom } = mark.getBoundingClientRect(), style = getComputedStyle(mark);
+            return [top - view.top, bottom - view.top, parseFloat(style.fontSize)];
         });
     })()""")
     assert len(boxes) == 3  # all at one body
