@@ -1,8 +1,6 @@
 """Write into README.md what `make demo` prints and finds today, and draw its spacecraft.
 
 python scripts/readme_figures.py          # runs the demonstration; keeps all other lines
-
-The spacecraft is what Chromium shows of the report; without Chromium the picture is kept.
 """
 
 from __future__ import annotations
@@ -26,29 +24,13 @@ def main() -> int:
         command = [sys.executable, '-m', 'spacerobot_ros.cli.main', 'demo', '--out', str(out)]
         printed = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
         found = json.loads((out / 'summary.json').read_text(encoding='utf-8'))
-        draw(out / 'report.html', ROOT / 'docs' / 'images' / 'spacecraft.png')
+        drawing = [sys.executable, 'docs/images/spacecraft.py', str(out / 'report.html')]
+        subprocess.run(drawing, cwd=ROOT, check=True)
     path = ROOT / 'README.md'
     text = with_figures(path.read_text(encoding='utf-8'), printed.stdout, found)
     path.write_text(text, encoding='utf-8')
     print(f'written: {path}')
     return 0
-
-
-def draw(report: Path, picture: Path) -> None:
-    """Save the 3D view of a report, as a PNG of at most 150 kB."""
-    sys.path.insert(0, str(ROOT / 'test'))
-    from support.browser import CHROMIUM, Browser
-
-    if CHROMIUM is None:
-        print(f'kept: {picture} (chromium is not installed)')
-        return
-    with Browser() as browser:
-        browser.open(report, 1000)
-        browser.ask("document.querySelector('.view').style.background = '#131c2e'")  # packs well
-        browser.picture(picture, '.view')
-    if picture.stat().st_size > 150_000:
-        raise SystemExit(f'{picture}: {picture.stat().st_size / 1e3:.0f} kB')
-    print(f'written: {picture}')
 
 
 def with_figures(readme: str, printed: str, found: dict[str, Any]) -> str:
