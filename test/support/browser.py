@@ -107,11 +107,10 @@ class Browser:
         more = {} if kind == 'mouseMoved' else {'button': 'left', 'clickCount': 1}
         self._ask('Input.dispatchMouseEvent', type=kind, x=x, y=y, buttons=buttons, **more)
 
-    def picture(self, path: Path, selector: str = 'html') -> None:
-        """Save what is seen of an element."""
-        keys = ('x', 'y', 'width', 'height')
+    def picture(self, path: Path, selector: str) -> None:
+        """Save what an element looks like."""
         box = self.ask(f'document.querySelector({selector!r}).getBoundingClientRect().toJSON()')
-        clip = {**{key: box[key] for key in keys}, 'scale': 1}
+        clip = {**{key: box[key] for key in ('x', 'y', 'width', 'height')}, 'scale': 1}
         shot = self._ask('Page.captureScreenshot', format='png', clip=clip)
         path.write_bytes(base64.b64decode(shot['data']))
 

@@ -128,7 +128,7 @@
         const isRight = x > width / 2, left = isRight ? width - w - 8 : 8;
         const top = Math.max(below[isRight], Math.min(y - h / 2, height - h - 8));
         below[isRight] = top + h + 6;
-        word.style.transform = `translate(${left}px, ${top}px)`;
+        word.style.transform = `translate(${Math.round(left)}px, ${Math.round(top)}px)`;
         const dx = (isRight ? left : left + w) - x, dy = top + h / 2 - y;
         lead.style.width = `${Math.hypot(dx, dy)}px`;
         lead.style.transform = `translate(${x}px, ${y}px) rotate(${Math.atan2(dy, dx)}rad)`;
