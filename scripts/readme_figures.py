@@ -1,4 +1,4 @@
-"""Write into README.md what `make demo` prints and finds today.
+"""Write into README.md what `make demo` prints and finds today, and draw its spacecraft.
 
 python scripts/readme_figures.py          # runs the demonstration; keeps all other lines
 """
@@ -24,6 +24,8 @@ def main() -> int:
         command = [sys.executable, '-m', 'spacerobot_ros.cli.main', 'demo', '--out', str(out)]
         printed = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
         found = json.loads((out / 'summary.json').read_text(encoding='utf-8'))
+        drawing = [sys.executable, 'docs/images/spacecraft.py', str(out / 'report.html')]
+        subprocess.run(drawing, cwd=ROOT, check=True)
     path = ROOT / 'README.md'
     text = with_figures(path.read_text(encoding='utf-8'), printed.stdout, found)
     path.write_text(text, encoding='utf-8')

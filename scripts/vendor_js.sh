@@ -10,10 +10,9 @@ cd "$work"
 npm install --silent "three@$three" "uplot@$uplot" "esbuild@$esbuild"
 cat > entry.js <<'END'
 export {
-  ArrowHelper, Box3, BoxGeometry, BufferAttribute, BufferGeometry, CanvasTexture, Color,
-  CylinderGeometry, DirectionalLight, DoubleSide, GridHelper, Group, HemisphereLight, Mesh,
-  MeshLambertMaterial, PerspectiveCamera, Scene, SphereGeometry, Sprite, SpriteMaterial, Vector3,
-  WebGLRenderer,
+  Box3, BoxGeometry, BufferAttribute, BufferGeometry, Color, CylinderGeometry, DirectionalLight,
+  DoubleSide, GridHelper, Group, HemisphereLight, Mesh, MeshLambertMaterial, PerspectiveCamera,
+  Scene, SphereGeometry, Vector3, WebGLRenderer,
 } from 'three';
 export { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 END

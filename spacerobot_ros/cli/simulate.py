@@ -101,8 +101,10 @@ def _line(path: str, summary: RunSummary, wall: float) -> str:
         errors.append(f'{math.degrees(summary.max_joint_error):.3g} deg')
     if summary.max_slide_error is not None:
         errors.append(f'{1e3 * summary.max_slide_error:.3g} mm')
+    speed = summary.duration / wall
+    speed_text = f'{speed:.0f}' if speed >= 10.0 else f'{speed:.1g}'
     return (
         f'{path}: {summary.duration:g} s in {summary.messages} messages, largest joint error '
         f'{" and ".join(errors) or "0 deg"}{attitude}{cut}, momentum drift '
-        f'{summary.momentum_drift:.1e}, {summary.duration / wall:.0f} times real time'
+        f'{summary.momentum_drift:.1e}, {speed_text} times real time'
     )

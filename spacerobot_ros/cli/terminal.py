@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 _WIDTH = 160  # columns, where the output is no terminal
 _UPDATES = 200  # of a progress bar
 _RATE_PERIOD = 600.0  # s over which its rate is taken
+_QUIET, _APART, _LONGEST = 5.0, 1.0, 60.0
+"""Of lines, where no terminal is: none in the first s; s between two, at least and at the most."""
 
 
 class Advance(Protocol):
@@ -77,9 +80,9 @@ def _print_table(console: Console, table: Table) -> None:
 
 @contextmanager
 def progress() -> Iterator[Stage]:
-    """Progress bars on stderr, one a stage; nothing where that is no terminal."""
+    """Progress on stderr: a bar a stage; where that is no terminal a line now and then."""
     if not sys.stderr.isatty():
-        yield lambda what, total: lambda done, what='': None
+        yield _lines(time.monotonic())
         return
     from rich.console import Console
     from rich.progress import (
@@ -121,3 +124,28 @@ def progress() -> Iterator[Stage]:
             return advance
 
         yield stage
+
+
+def _lines(start: float) -> Stage:
+    """Lines in place of bars, none of a quick command.
+
+    Args:
+        start: `time.monotonic` when it began.
+    """
+    last = start + _QUIET - _APART
+
+    def stage(what: str, total: float) -> Advance:
+        name, shown, is_new = what, 0, True
+
+        def advance(done: float, what: str = '') -> None:
+            nonlocal last, name, shown, is_new
+            name, is_new = what or name, is_new or bool(what)
+            percent, since = int(100 * done // total) if total else 100, time.monotonic() - last
+            is_worth_it = is_new or percent // 10 > shown // 10 or since >= _LONGEST
+            if since >= _APART and is_worth_it:
+                last, shown, is_new = last + since, percent, False
+                print(f'{name}: {percent} %', file=sys.stderr, flush=True)
+
+        return advance
+
+    return stage

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from ..display import (
     Curve,
     Figure,
     GoodOrBad,
-    Item,
     KeyFigure,
     KeyFigures,
     Panel,
@@ -24,6 +23,7 @@ from ..display import (
     Table,
 )
 from ..identification.estimate import Estimate
+from ..simulation.replay.scene import Arrow, Scene
 from ..types import Array
 from .results import (
     AIM_AAM_PERCENT,
@@ -39,19 +39,21 @@ RunPictures = Mapping[str, Figure]
 """Pictures by what they show."""
 
 
-def pictures_of(run: DemoRun, truth: Array, scene: Callable[[], Any]) -> RunPictures:
+def pictures_of(run: DemoRun, truth: Array, scene: Callable[[], Scene]) -> RunPictures:
     """Pictures of the run that identifies, by what they show.
 
     Args:
         run: The run.
         truth: As of `DemoResults`.
-        scene: Makes its `simulation.replay.scene.Scene`.
+        scene: Makes the scene of its recording.
     """
     replay = Replay(
-        scene,
-        'The run that excites and identifies. The orange ghost is what the model makes of the '
-        'measured efforts while it knows nothing of the captured wheels, beginning again from the '
-        'measured state every two seconds.',
+        lambda: _with_found(scene(), run.estimates[-1]),
+        'A servicer has captured a satellite whose wheels still spin. Its arm moves under a '
+        'controller that knows nothing of them, while the identifier listens to the noisy '
+        'sensors. The orange ghost is where a model without them would be, beginning again from '
+        'the measured state every two seconds. Then the same motion is tracked from the same '
+        'start with what was identified.',
     )
     kept = 'What a closed system keeps, and what the simulated one did while it was identified.'
     return {
@@ -59,6 +61,14 @@ def pictures_of(run: DemoRun, truth: Array, scene: Callable[[], Any]) -> RunPict
         **_convergence(run, truth),
         'ledger': Plot(partial(_ledger, run), kept),
     }
+
+
+def _with_found(scene: Scene, estimate: Estimate) -> Scene:
+    """The scene with the identified momentum at the links that hold it."""
+    wheels = scene.robot.with_target_momentum(estimate.aam).target_wheels
+    found = [Arrow(f'identified, {w.link}', w.body, w.body_momentum[None]) for w in wheels]
+    words = ((w.body, f'wheels: {np.linalg.norm(w.momentum):.1f} N m s') for w in wheels)
+    return replace(scene, arrows=(*found, *scene.arrows), marks=(*scene.marks, *words))
 
 
 def demo_report(results: DemoResults, pictures: RunPictures) -> Report:
@@ -70,11 +80,10 @@ def demo_report(results: DemoResults, pictures: RunPictures) -> Report:
     """
     tracking = Plot(partial(_tracking, results), 'Reference minus true joint position.')
     return Report(
-        title='Wheel momentum of a captured satellite: identified and used',
+        title=results.answer,
         subtitle=f'robot {results.robot}, seed {results.seed}, simulated on ROS 2 nodes',
         sections=(
-            Section('Result', _figures(results)),
-            Section('In motion', [pictures['motion']]),
+            Section('', [_figures(results), pictures['motion']]),
             Section('Joint error with and without the wheel momentum', [tracking]),
             Section('Convergence of the estimates', [pictures['error'], pictures['band']]),
             Section('Estimated parameters', [_parameters(results)]),
@@ -114,7 +123,7 @@ def _places(estimate: Estimate) -> list[str]:
     return [f'{link}, {axis}' for link in estimate.aam_links for axis in AXES]
 
 
-def _figures(results: DemoResults) -> list[Item]:
+def _figures(results: DemoResults) -> KeyFigures:
     aam, ratio, drift = results.aam_error_percent, results.ratio, results.momentum_drift
     without, with_it = results.no_aam.max_error_deg, results.identified.max_error_deg
     rows = (
@@ -130,17 +139,9 @@ def _figures(results: DemoResults) -> list[Item]:
     )
     reached = (aam < AIM_AAM_PERCENT, None, ratio > AIM_RATIO, drift < AIM_DRIFT)
     marks: dict[bool | None, GoodOrBad] = {True: 'good', False: 'bad', None: ''}
-    return [
-        KeyFigures(
-            [KeyFigure(*row, marks[is_so]) for row, is_so in zip(rows, reached, strict=True)]
-        ),
-        (
-            'A servicer has captured a satellite whose wheels still spin. First the arm moves '
-            'under a controller that knows nothing of them, while the identifier listens to the '
-            'noisy sensors; then the same motion is tracked from the same start with what was '
-            'identified of wheels and bodies.'
-        ),
-    ]
+    return KeyFigures(
+        [KeyFigure(*row, marks[is_so]) for row, is_so in zip(rows, reached, strict=True)]
+    )
 
 
 def _tracking(results: DemoResults) -> list[Panel]:

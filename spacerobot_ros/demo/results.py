@@ -104,6 +104,17 @@ class DemoResults:
         return float(100.0 * max(error[own].max() / np.abs(truth[own]).max() for own in of_unit))
 
     @property
+    def answer(self) -> str:
+        """What was found and what it is good for, in a sentence."""
+        truth = self.truth[: len(self.estimate.aam)].reshape(-1, 3)
+        held = ' and '.join(f'{size:.1f}' for size in np.linalg.norm(truth, axis=1))
+        return (
+            f'The captured wheels hold {held} N m s, found within {self.aam_error_percent:.1g} %; '
+            f'tracking error {self.no_aam.max_error_deg:.2g} deg without them, '
+            f'{self.identified.max_error_deg:.2g} deg with them.'
+        )
+
+    @property
     def momentum_drift(self) -> float:
         """Largest relative drift of the angular momentum in any run."""
         return float(max(run.drift.max() for run in (self.identification, self.identified)))

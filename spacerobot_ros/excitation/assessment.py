@@ -84,11 +84,14 @@ class Summary:
         self.searched = self.design = predict(problem, self.chosen)
         self.reference = None if own is None else predict(problem, own)
         self.is_own, comparison = False, ''
+        criterion = problem.settings.excitation.criterion
         if own is not None and self.reference is not None:
             why_not = _why_not(problem, own)
             better = _better(problem, self.reference, self.searched)
             self.is_own = bool(better) and not why_not
-            comparison = _compared(better, why_not)
+            is_of_wheels = bool(self.reference.n_aam) and criterion == 'information'
+            gain = self.reference.bits - self.searched.bits if is_of_wheels else 0.0
+            comparison = _compared(better, why_not, gain)
             if self.is_own:
                 self.chosen, self.design = own, self.reference
         x, self.uses = self.chosen, problem.uses(self.chosen)
@@ -174,8 +177,8 @@ def _reached(use: Use) -> str:
     return f'{use.name} of {use.where} reaches {use.value:.3g} {use.unit} (limit {use.limit:.3g})'
 
 
-def _compared(better: str, why_not: str) -> str:
-    """What to say of the file's own motion beside what was found."""
+def _compared(better: str, why_not: str, gain: float) -> str:
+    """What to say of the file's own motion, which tells `gain` bits more than what was found."""
     if better and why_not:
         return (
             f"the file's own motion tells more ({better}), but {why_not}; what the search found "
@@ -185,6 +188,12 @@ def _compared(better: str, why_not: str) -> str:
         return (
             f"the file's own motion is better than what the search found ({better}) and keeps "
             'the limits: it is written'
+        )
+    if gain > 0.0:
+        return (
+            f"the file's own motion tells {gain:.1f} bits more of wheels and bodies together, but "
+            f'no more of the wheels alone{why_not and f", and {why_not}"}; what the search found '
+            'is written'
         )
     return f"the file's own motion is no better, and {why_not}" if why_not else ''
 

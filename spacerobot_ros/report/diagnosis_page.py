@@ -8,9 +8,11 @@ from functools import partial
 from itertools import groupby
 
 from .. import __version__
+from ..diagnosis.answer.result import Diagnosis
+from ..diagnosis.answer.words import cause_in_words
 from ..diagnosis.findings import Findings
 from ..display import Item, KeyFigure, KeyFigures, Plot, Replay, Report, Section, Table
-from ..formats import number, probability
+from ..formats import counted, number, probability
 from ..simulation.replay.scene import scene_of
 from ..simulation.replay.tracks import RESTART
 from . import diagnosis_plots as curves
@@ -57,10 +59,20 @@ def diagnosis_page(answer: Findings) -> Report:
         ('How it was done', _how),
     ]
     return Report(
-        title=f'Diagnosis: {diagnosis.verdict.replace("_", " ")}',
-        subtitle=f'robot {answer.file.robot.name}, {_data_in_words(answer)}',
+        title=_title(diagnosis),
+        subtitle=f'diagnosis of robot {answer.file.robot.name}, {_data_in_words(answer)}: '
+        f'{diagnosis.verdict.replace("_", " ")}',
         sections=[Section(title, list(items(answer))) for title, items in sections],
     )
+
+
+def _title(diagnosis: Diagnosis) -> str:
+    """The first cause with its value, and how many more there are; else the verdict."""
+    causes = diagnosis.causes
+    if not causes:
+        return f'Diagnosis: {diagnosis.verdict}'
+    first, more = cause_in_words(causes[0], is_short=True), len(causes) - 1
+    return first[0].upper() + first[1:] + f', and {counted(more, "more cause")}' * bool(more)
 
 
 def _replay(answer: Findings) -> Iterator[Item]:

@@ -22,6 +22,7 @@ from spacerobot_ros.formats import decimals
 from spacerobot_ros.recording.bags.bag import read_bag
 from spacerobot_ros.recording.npz import save_npz
 from spacerobot_ros.recording.read import read_record
+from spacerobot_ros.simulation.closed_loop import RunSummary
 
 ROOT = Path(__file__).resolve().parents[2]
 ROBOT = str(ROOT / 'config' / 'servicer.yaml')
@@ -64,6 +65,15 @@ def test_simulate_says_in_one_line_what_it_did(capsys, tmp_path):
     assert out.count('\n') == 1
     assert out.startswith(f'{tmp_path}/run: 0.5 s in ')
     assert 'momentum drift' in out
+
+
+@pytest.mark.parametrize(('wall', 'said'), [(0.1, '200'), (40.0, '0.5'), (5000.0, '0.004')])
+def test_slow_simulations_are_not_said_to_stand(wall, said):
+    summary = RunSummary(
+        steps=2000, duration=20.0, messages=9, max_joint_error=0.1, max_slide_error=None,
+        momentum_drift=1e-15, energy_drift=0.0, saturated=0, max_attitude_error=None,
+    )  # fmt: skip
+    assert simulate._line('run', summary, wall).endswith(f', {said} times real time')
 
 
 def test_simulate_warns_of_a_motion_beyond_the_limits(capsys, tmp_path):

@@ -10,7 +10,7 @@ from support.excitation import TABLE_TWO, robot_file, six_joints, with_excitatio
 
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.estimation.trajectory.motion_limits import Limits
-from spacerobot_ros.excitation.assessment import Summary
+from spacerobot_ros.excitation.assessment import Summary, _compared
 from spacerobot_ros.excitation.design import Design, search
 from spacerobot_ros.excitation.motions import Chosen
 from spacerobot_ros.excitation.precision import own_motion, predict
@@ -128,6 +128,16 @@ def test_the_files_own_motion_is_no_choice_and_why(changes, why):
     assert not summary.is_own
     assert "the file's own motion tells more (wheel momentum +- " in summary.notes[0]
     assert why in summary.notes[0]
+
+
+@pytest.mark.parametrize(
+    ('why', 'said'), [('', 'alone; what'), ('is long', 'alone, and is long;')]
+)
+def test_a_motion_that_tells_fewer_bits_than_the_files_own_says_so(why, said):
+    assert _compared('', why, 14.3).startswith("the file's own motion tells 14.3 bits more")
+    assert said in _compared('', why, 14.3)
+    assert '14.3' not in _compared('by this', why, 14.3)
+    assert _compared('', '', -14.3) == ''
 
 
 def test_velocity_limits_hold_beside_those_of_the_settings():

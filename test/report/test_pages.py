@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -31,7 +32,8 @@ def scene():
     n = file.robot.n_joints
     q = 0.6 * np.sin(np.outer(time, rng.uniform(0.3, 1.0, n)))
     joints = JointSeries(file.robot.joints, np.round(time * 1e9).astype(np.int64), q)
-    return scene_of(Record(joints), file, [(file.robot.joints[0], HOSTILE)])
+    marks = [(file.robot.joints[0], text) for text in (HOSTILE, 'another', 'a third')]
+    return scene_of(Record(joints), file, marks)
 
 
 @pytest.fixture(scope='module')
@@ -86,6 +88,23 @@ def test_the_page_opens_without_an_error(page, browser, width, scheme):
     assert browser.ask('document.documentElement.scrollWidth') <= width
     assert browser.ask('document.title') == HOSTILE
     assert browser.ask("document.querySelectorAll('img').length") == 0
+
+
+@needs_chromium
+def test_words_at_bodies_can_be_read_and_none_covers_another(page, browser):
+    browser.open(page)
+    boxes = browser.ask("""(() => {
+        const view = document.querySelector('.view').getBoundingClientRect();
+        return [...document.querySelectorAll('.mark')].map((mark) => {
+            const { top, bottom } = mark.getBoundingClientRect(), style = getComputedStyle(mark);
+            return [top - view.top, bottom - view.top, parseFloat(style.fontSize)];
+        });
+    })()""")
+    assert len(boxes) == 3  # all at one body
+    assert min(size for _, _, size in boxes) >= 12.0
+    boxes.sort()
+    assert boxes[0][0] >= 0.0
+    assert all(above[1] < below[0] for above, below in pairwise(boxes))
 
 
 @needs_chromium

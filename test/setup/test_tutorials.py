@@ -34,7 +34,7 @@ def test_there_are_seven_and_each_is_run():
 
 @pytest.mark.tutorial
 @pytest.mark.parametrize('page', [p for p in PAGES if p.name != 'index.md'], ids=lambda p: p.stem)
-def test_tutorial(page, tmp_path, monkeypatch, capsys):
+def test_tutorial(page, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'config').symlink_to(ROOT / 'config')
     for language, name, text in blocks(page):
@@ -43,7 +43,7 @@ def test_tutorial(page, tmp_path, monkeypatch, capsys):
         elif language == 'sh':
             for line in typed(text):
                 run(line)
-    printed = capsys.readouterr().out
+    printed = capfd.readouterr().out
     for word in EXPECTED.get(page.stem, ()):
         assert word in printed, word
 
@@ -70,4 +70,9 @@ EXPECTED = {
     'arm_payload': ('verdict: changed', 'at lower (mass +0.99'),
     'own_effect': ('drag (a formula) at joint_2',),
     'next_motion': ('told apart',),
+    'watch_flight': (
+        '8.4 s: ok: the model explains the data\n',
+        '13.4 s: error: joint_2 torque: unexplained 1.2 N m\n',
+    ),
+    'fleet_cluster': ('joint_2   flights/day_2     ',),
 }

@@ -105,9 +105,11 @@ class Browser:
         more = {} if kind == 'mouseMoved' else {'button': 'left', 'clickCount': 1}
         self._ask('Input.dispatchMouseEvent', type=kind, x=x, y=y, buttons=buttons, **more)
 
-    def picture(self, path: Path) -> None:
-        """Save what is seen."""
-        shot = self._ask('Page.captureScreenshot', format='png')
+    def picture(self, path: Path, selector: str) -> None:
+        """Save what an element looks like."""
+        box = self.ask(f'document.querySelector({selector!r}).getBoundingClientRect().toJSON()')
+        clip = {**{key: box[key] for key in ('x', 'y', 'width', 'height')}, 'scale': 1}
+        shot = self._ask('Page.captureScreenshot', format='png', clip=clip)
         path.write_bytes(base64.b64decode(shot['data']))
 
     def _ask(self, method: str, **params: Any) -> dict[str, Any]:

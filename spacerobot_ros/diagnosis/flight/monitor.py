@@ -242,7 +242,7 @@ class Monitor:
         end_ns = first_ns + round(self._settings.learn * 1e9)
         if newest < end_ns + CONTEXT_NS:
             done = (newest - first_ns) * 1e-9
-            reason = f'learning: {done:.0f} of {self._settings.learn:g} s'
+            reason = f'learning: {max(done, 0.0):.0f} of {self._settings.learn:g} s'
             self.state = MonitorState(reason=reason)
             return False
         self._tried_ns = end_ns

@@ -44,7 +44,8 @@
         own.add(mesh);
       });
       const length = Math.hypot(...body.position);
-      if (i && length > 0) { // what carries the joint, from its parent's origin
+      const isDrawn = i && scene.bodies[body.parent].shapes.some(({ kind }) => kind !== 'ellipsoid');
+      if (i && length > 0 && !isDrawn) { // what carries the joint, from its parent's origin
         const bone = new THREE.CylinderGeometry(0.008 * size, 0.008 * size, length, 8);
         const mesh = new THREE.Mesh(bone.translate(0, length / 2, 0), material(body.parent, null));
         const along = new THREE.Vector3(...body.position).normalize();
@@ -69,20 +70,70 @@
   const trackOf = (track) => track && {
     position: floats(track.position), attitude: floats(track.attitude), q: floats(track.q) };
 
-  /** Words beside a body, drawn as a picture: no markup of theirs is ever read. */
-  function label(text, size) {
-    const canvas = document.createElement('canvas'), pen = canvas.getContext('2d');
-    const font = '500 40px system-ui, sans-serif';
-    pen.font = font;
-    canvas.width = Math.ceil(pen.measureText(text).width) + 40; canvas.height = 64;
-    pen.font = font;
-    pen.fillStyle = '#b34a00'; pen.fillRect(0, 0, canvas.width, 64);
-    pen.fillStyle = '#fff'; pen.textBaseline = 'middle'; pen.fillText(text, 20, 34);
-    const map = new THREE.CanvasTexture(canvas);
-    const sprite = new THREE.Sprite(new THREE.SpriteMaterial({ map, depthTest: false, transparent: true }));
-    sprite.scale.set((0.07 * size * canvas.width) / 64, 0.07 * size, 1);
-    sprite.renderOrder = 9;
-    return sprite;
+  /** An arrow from its place along a vector: a shaft and a tip, of solids, for lines are 1 px wide. */
+  function arrowOf(color, size) {
+    const paint = new THREE.MeshLambertMaterial({ color, emissive: color, emissiveIntensity: 0.4 });
+    const root = new THREE.Group(), up = new THREE.Vector3(0, 1, 0);
+    const part = (top, bottom) => {
+      const mesh = new THREE.Mesh(new THREE.CylinderGeometry(top, bottom, 1, 16).translate(0, 0.5, 0), paint);
+      root.add(mesh);
+      return mesh;
+    };
+    const shaft = part(0.012 * size, 0.012 * size), tip = part(0, 0.035 * size);
+    const point = (v, length) => {
+      const head = Math.min(0.4 * length, 0.11 * size);
+      root.quaternion.setFromUnitVectors(up, v.clone().normalize());
+      shaft.scale.y = length - head;
+      tip.scale.y = head;
+      tip.position.y = length - head;
+    };
+    return { root, point };
+  }
+
+  /** Stars: what does not turn while a free robot does. Always the same ones. */
+  function stars(far) {
+    const corners = [], out = new THREE.Vector3(), side = new THREE.Vector3();
+    for (let j = 1; j <= 400; j += 1) {
+      const z = 2 * ((j * 0.6180339887) % 1) - 1, turn = 2 * Math.PI * ((j * j * 0.3247179572) % 1);
+      out.set(Math.sqrt(1 - z * z) * Math.cos(turn), Math.sqrt(1 - z * z) * Math.sin(turn), z);
+      const width = far * 0.0016 * (1 + ((j * 0.7548776662) % 1));
+      side.set(-out.y, out.x, 0).setLength(width);
+      const other = out.clone().cross(side);
+      [[-1, -0.6], [1, -0.6], [0, 1.2]].forEach(([a, b]) => corners.push(
+        ...out.clone().multiplyScalar(far).addScaledVector(side, a).addScaledVector(other, b)));
+    }
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute('position', new THREE.BufferAttribute(new Float32Array(corners), 3));
+    geometry.computeVertexNormals();
+    return new THREE.Mesh(geometry, new THREE.MeshLambertMaterial({ emissive: 0xb8c4d6, side: THREE.DoubleSide }));
+  }
+
+  /** Words for bodies at the left and right of the picture, one below the other. */
+  function labels(marks, view, camera) {
+    const all = marks.map(({ text, at }) => {
+      const word = element('span', { className: 'mark', textContent: text });
+      const lead = element('i', { className: 'lead' });
+      view.append(lead, word);
+      return { word, lead, at, seen: new THREE.Vector3() };
+    });
+    return () => {
+      const { clientWidth: width, clientHeight: height } = view, below = { true: 8, false: 8 };
+      all.forEach((one) => {
+        one.at.getWorldPosition(one.seen).project(camera);
+        one.x = (0.5 + 0.5 * one.seen.x) * width;
+        one.y = (0.5 - 0.5 * one.seen.y) * height;
+      });
+      [...all].sort((a, b) => a.y - b.y).forEach(({ word, lead, x, y }) => {
+        const w = word.offsetWidth, h = word.offsetHeight;
+        const isRight = x > width / 2, left = isRight ? width - w - 8 : 8;
+        const top = Math.max(below[isRight], Math.min(y - h / 2, height - h - 8));
+        below[isRight] = top + h + 6;
+        word.style.transform = `translate(${Math.round(left)}px, ${Math.round(top)}px)`;
+        const dx = (isRight ? left : left + w) - x, dy = top + h / 2 - y;
+        lead.style.width = `${Math.hypot(dx, dy)}px`;
+        lead.style.transform = `translate(${x}px, ${y}px) rotate(${Math.atan2(dy, dx)}rad)`;
+      });
+    };
   }
 
   function figure(place, index) {
@@ -111,30 +162,35 @@
     const real = robot(scene, size, (i, color) => (color
       ? new THREE.MeshLambertMaterial({ color: new THREE.Color(...color), side: THREE.DoubleSide }) : paint[i]));
     world.add(real.root);
-    const mist = new THREE.MeshLambertMaterial({ color: GHOST, transparent: true, opacity: 0.3, depthWrite: false, polygonOffset: true, polygonOffsetFactor: -2 });
+    const mist = new THREE.MeshLambertMaterial({ color: GHOST, transparent: true, opacity: 0.3, depthWrite: false, polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 8 });
     const ghost = predicted && robot(scene, size, () => mist);
     if (ghost) world.add(ghost.root);
-    const grid = new THREE.GridHelper(4 * size, 20, 0x888888, 0x888888);
-    grid.rotation.x = Math.PI / 2;
-    grid.position.z = scene.is_free ? -1.2 * size : 0;
-    grid.material.transparent = true; grid.material.opacity = 0.25;
-    world.add(grid);
+    if (scene.is_free) {
+      world.add(stars(100 * size));
+    } else {
+      const grid = new THREE.GridHelper(4 * size, 20, 0x888888, 0x888888);
+      grid.rotation.x = Math.PI / 2;
+      grid.material.transparent = true; grid.material.opacity = 0.25;
+      world.add(grid);
+    }
 
     const arrows = scene.arrows.map((arrow, k) => {
-      const helper = new THREE.ArrowHelper(new THREE.Vector3(0, 0, 1), new THREE.Vector3(), 1, curveColor(k), 0.08 * size, 0.04 * size);
+      const { root, point } = arrowOf(curveColor(k), size);
       if (arrow.body >= 0) {
-        helper.position.fromArray(scene.bodies[arrow.body].com);
-        real.moving[arrow.body].add(helper);
-      } else world.add(helper);
-      return { ...arrow, values: floats(arrow.values), helper, v: new THREE.Vector3() };
+        root.position.fromArray(scene.bodies[arrow.body].com);
+        real.moving[arrow.body].add(root);
+      } else world.add(root);
+      return { ...arrow, values: floats(arrow.values), root, point, v: new THREE.Vector3() };
     });
-    const longest = Math.max(1e-12, ...arrows.flatMap((a) => Array.from(a.values, Math.abs)));
-    scene.marks.forEach(({ body, text }, k) => {
-      const sprite = label(text, size);
-      sprite.position.fromArray(scene.bodies[body].com);
-      sprite.position.z += 0.12 * size * (1 + k);
-      real.moving[body].add(sprite);
-    });
+    const longestOf = (isWheels) => Math.max(1e-12, ...arrows.filter(({ body }) => body >= 0 === isWheels)
+      .flatMap(({ values }) => Array.from(values, Math.abs))); // wheels hold a part of the total
+    const scales = { true: (0.5 * size) / longestOf(true), false: (0.9 * size) / longestOf(false) };
+    const name = labels(scene.marks.map(({ body, text }) => {
+      const at = new THREE.Group();
+      at.position.fromArray(scene.bodies[body].com);
+      real.moving[body].add(at);
+      return { text, at };
+    }), view, camera);
 
     const orbit = new THREE.OrbitControls(camera, renderer.domElement);
     const seen = new THREE.Box3(); // of the whole motion, by some of its pictures
@@ -143,7 +199,7 @@
       real.root.updateMatrixWorld(true);
       seen.expandByObject(real.root);
     }
-    const middle = seen.getCenter(new THREE.Vector3()), far = 1.6 * seen.getSize(new THREE.Vector3()).length();
+    const middle = seen.getCenter(new THREE.Vector3()), far = 1.05 * seen.getSize(new THREE.Vector3()).length();
     const eye = (x, y, z) => { camera.position.set(x, y, z).setLength(far).add(orbit.target); orbit.update(); };
     orbit.target.copy(middle);
     eye(1, -1.4, 0.8);
@@ -202,12 +258,8 @@
       arrows.forEach((arrow, i) => {
         arrow.v.fromArray(arrow.values, arrow.values.length > 3 ? 3 * k : 0);
         const amount = arrow.v.length();
-        arrow.helper.visible = amount > 0;
-        if (amount > 0) {
-          const length = Math.max((0.9 * size * amount) / longest, 0.02 * size);
-          arrow.helper.setDirection(arrow.v.clone().normalize());
-          arrow.helper.setLength(length, Math.min(0.3 * length, 0.1 * size), Math.min(0.15 * length, 0.05 * size));
-        }
+        arrow.root.visible = amount > 0;
+        if (amount > 0) arrow.point(arrow.v, Math.max(scales[arrow.body >= 0] * amount, 0.02 * size));
         words[i].textContent = `${amount.toPrecision(4)} N m s`;
       });
       if (look.value === 'with the base') {
@@ -218,6 +270,7 @@
       }
       shown.textContent = `${time[k].toFixed(2)} s`;
       renderer.render(world, camera);
+      name();
     }
 
     function frame(at) {
