@@ -88,8 +88,8 @@ def _results(args: argparse.Namespace, work: Path) -> tuple[DemoResults, RunPict
     # another process that sees these topics would mix with them
     with progress() as bars, _here() if args.live else beside() as submit:
         exciting = _stage(bars, 'tracking without the wheels, identifying them', passes * length)
-        if not args.live:
-            submit(get_ready, file)  # while this process computes
+        if not args.live:  # after a step this process has compiled what both need
+            exciting = _once_moving(exciting, lambda: submit(get_ready, file))
         found = identify(file, passes, bags[:2], exciting)
         tracking = _stage(bars, 'tracking with them', length)
         identified = submit(track, file, found.estimates[-1], bags[2])
@@ -117,6 +117,20 @@ def _pictures(file: RobotFile, found: DemoRun, truth: Array, bag: Path) -> RunPi
 
     pictures = pictures_of(found, truth, lambda: scene_of(read_record(bag, file.robot), file))
     return {name: drawn(picture) for name, picture in pictures.items()}
+
+
+def _once_moving(
+    progress: Callable[[float], None], start: Callable[[], object]
+) -> Callable[[float], None]:
+    """Progress that also calls a function, once, when simulated time has begun to run."""
+    started: list[object] = []
+
+    def call(time: float) -> None:
+        if time > 0.0 and not started:
+            started.append(start())
+        progress(time)
+
+    return call
 
 
 @contextmanager
