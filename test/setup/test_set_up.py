@@ -10,7 +10,6 @@ from pathlib import Path
 
 import probe_python
 import pytest
-import setup_build
 import setup_tools
 import setup_workspace
 from set_up import only_one
