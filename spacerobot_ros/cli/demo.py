@@ -22,17 +22,13 @@ examples:
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import os
-import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from .options import check_folder
 from .terminal import Stage, print_sections, progress
@@ -42,9 +38,6 @@ if TYPE_CHECKING:
     from ..demo.results import DemoResults, DemoRun
     from ..effects.robot_file import RobotFile
     from ..types import Array
-
-    Submit = Callable[..., Future[Any]]
-
 
 _BAGS = ('bag', 'bag_no_aam', 'bag_identified')
 
@@ -73,9 +66,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _results(args: argparse.Namespace, work: Path) -> tuple[DemoResults, RunPictures]:
-    """All runs, and pictures of the first, which are drawn while another goes on."""
+    """All runs, and pictures of the first."""
     from ..demo.results import DemoResults, truth_of
-    from ..demo.run import check_file, get_ready, identify, track
+    from ..demo.run import check_file, identify, track
     from ..simulation.truth import true_robot
 
     started = time.perf_counter()
@@ -85,28 +78,23 @@ def _results(args: argparse.Namespace, work: Path) -> tuple[DemoResults, RunPict
     bags = [work / name for name in _BAGS]
     passes, length = 1 if args.quick else 2, settings.reference.duration
     truth = truth_of(file.robot, true_robot(file.robot, settings), settings.identifier.structure)
-    # another process that sees these topics would mix with them
-    with progress() as bars, _here() if args.live else beside() as submit:
+    with progress() as bars:
         exciting = _stage(bars, 'tracking without the wheels, identifying them', passes * length)
-        if not args.live:  # after a step this process has compiled what both need
-            exciting = _once_moving(exciting, lambda: submit(get_ready, file))
         found = identify(file, passes, bags[:2], exciting)
         tracking = _stage(bars, 'tracking with them', length)
-        identified = submit(track, file, found.estimates[-1], bags[2])
-        pictures = _pictures(file, found, truth, bags[0])
-        results = DemoResults(
-            robot=file.robot.name,
-            joints=file.robot.arm,
-            seed=settings.simulator.seed,
-            identification=found,
-            no_aam=found.until(length),
-            identified=identified.result(),
-            truth=truth,
-            bags=tuple(str(Path(args.out) / name) for name in _BAGS),
-            wall=time.perf_counter() - started,
-        )
-        tracking(length)
-    return results, pictures
+        identified = track(file, found.estimates[-1], bags[2], tracking)
+    results = DemoResults(
+        robot=file.robot.name,
+        joints=file.robot.arm,
+        seed=settings.simulator.seed,
+        identification=found,
+        no_aam=found.until(length),
+        identified=identified,
+        truth=truth,
+        bags=tuple(str(Path(args.out) / name) for name in _BAGS),
+        wall=time.perf_counter() - started,
+    )
+    return results, _pictures(file, found, truth, bags[0])
 
 
 def _pictures(file: RobotFile, found: DemoRun, truth: Array, bag: Path) -> RunPictures:
@@ -117,46 +105,6 @@ def _pictures(file: RobotFile, found: DemoRun, truth: Array, bag: Path) -> RunPi
 
     pictures = pictures_of(found, truth, lambda: scene_of(read_record(bag, file.robot), file))
     return {name: drawn(picture) for name, picture in pictures.items()}
-
-
-def _once_moving(
-    progress: Callable[[float], None], start: Callable[[], object]
-) -> Callable[[float], None]:
-    """Progress that also calls a function, once, when simulated time has begun to run."""
-    started: list[object] = []
-
-    def call(time: float) -> None:
-        if time > 0.0 and not started:
-            started.append(start())
-        progress(time)
-
-    return call
-
-
-@contextmanager
-def beside() -> Iterator[Submit]:
-    """Another process, which ends with the block; gives what has it call a function."""
-    ignored = (signal.SIGINT, signal.SIG_IGN)
-    spawn = multiprocessing.get_context('spawn')
-    with ProcessPoolExecutor(1, spawn, signal.signal, ignored) as pool:
-        try:
-            yield pool.submit
-        except BaseException:  # nothing waits for it any more
-            for child in multiprocessing.active_children():
-                child.kill()
-            raise
-
-
-@contextmanager
-def _here() -> Iterator[Submit]:
-    """This process in place of another."""
-
-    def submit(function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        done: Future[Any] = Future()
-        done.set_result(function(*arguments))
-        return done
-
-    yield submit
 
 
 def _robot_file(args: argparse.Namespace) -> RobotFile:

@@ -147,21 +147,19 @@ def identify(file: RobotFile, passes: int, bags: Sequence[Path], progress: OnPro
     return run
 
 
-def track(file: RobotFile, estimate: Estimate | None, bag: Path) -> DemoRun:
+def track(
+    file: RobotFile, estimate: Estimate | None, bag: Path, progress: OnProgress | None = None
+) -> DemoRun:
     """Track the motion once, from the initial state.
 
     Args:
         file: The robot file.
         estimate: What the controller knows; None: nothing of the wheels.
         bag: Folder of the bag.
+        progress: Shown the simulated time.
     """
     law = 'computed_torque_no_aam' if estimate is None else 'computed_torque'
-    return _run(file, _settings(file, law), 1, [bag], None, estimate)
-
-
-def get_ready(file: RobotFile) -> None:
-    """Load all that `track` needs: run its nodes for a single sample, in a process that waits."""
-    _run(file, _settings(file, 'computed_torque'), 0, [], None)
+    return _run(file, _settings(file, law), 1, [bag], progress, estimate)
 
 
 def _settings(file: RobotFile, law: str, passes: int = 1) -> Settings:

@@ -1,11 +1,7 @@
 """`spacerobot demo` from end to end."""
 
 import json
-import multiprocessing
-import os
-import signal
 import sys
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +9,6 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from spacerobot_ros.cli.demo import beside
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.recording.bags.message_types import typestore
@@ -145,20 +140,6 @@ def test_a_robot_with_nothing_to_show_is_refused(tmp_path, capsys, changes, urdf
     assert f'{place}: ' in error
     assert reason in error
     assert '\n' not in error
-
-
-def test_nothing_waits_for_a_process_that_is_gone():
-    with pytest.raises(BrokenProcessPool), beside() as submit:
-        submit(os._exit, 1).result()
-
-
-def test_an_interrupt_ends_the_process_beside():
-    def interrupted(waiting):
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt), beside() as submit:
-        interrupted(submit(signal.pause))
-    assert not multiprocessing.active_children()
 
 
 def python_calls(act):
