@@ -22,7 +22,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from setup_build import build, compile_modules, kernels_beside
+from setup_build import build
 from setup_tools import require_build_tools, require_platform, say
 from setup_venv import make_venv
 from setup_workspace import SetupError, Workspace, is_build_current, is_venv_current
@@ -57,10 +57,8 @@ def set_up(work: Workspace, rebuild: bool = False) -> None:
             make_venv(work, lock)
         if rebuild or not is_build_current(work):
             require_build_tools(work.environ)
-            say('building messages with colcon, compiling kernels, once (20 s to a minute)')
-            with kernels_beside(work, lock):
-                build(work, lock)
-            compile_modules(work, lock)
+            say('building messages with colcon, once (20 s)')
+            build(work, lock)
             say(f'done in {time.monotonic() - start:.0f} s')
 
 

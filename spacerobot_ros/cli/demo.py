@@ -83,19 +83,18 @@ def _results(args: argparse.Namespace, work: Path) -> tuple[DemoResults, RunPict
         found = identify(file, passes, bags[:2], exciting)
         tracking = _stage(bars, 'tracking with them', length)
         identified = track(file, found.estimates[-1], bags[2], tracking)
-        pictures = _pictures(file, found, truth, bags[0])
-        results = DemoResults(
-            robot=file.robot.name,
-            joints=file.robot.arm,
-            seed=settings.simulator.seed,
-            identification=found,
-            no_aam=found.until(length),
-            identified=identified,
-            truth=truth,
-            bags=tuple(str(Path(args.out) / name) for name in _BAGS),
-            wall=time.perf_counter() - started,
-        )
-    return results, pictures
+    results = DemoResults(
+        robot=file.robot.name,
+        joints=file.robot.arm,
+        seed=settings.simulator.seed,
+        identification=found,
+        no_aam=found.until(length),
+        identified=identified,
+        truth=truth,
+        bags=tuple(str(Path(args.out) / name) for name in _BAGS),
+        wall=time.perf_counter() - started,
+    )
+    return results, _pictures(file, found, truth, bags[0])
 
 
 def _pictures(file: RobotFile, found: DemoRun, truth: Array, bag: Path) -> RunPictures:

@@ -180,6 +180,8 @@ class ComputedTorque:
         self.model = model
         self._feed_forward = feed_forward
         self.tune(bandwidth, limits, damping)
+        rest = np.zeros(len(limits))
+        model(rest, rest, np.zeros(3))  # what it compiles must not delay the first torque
 
     def tune(self, bandwidth: float, limits: Array, damping: float) -> None:
         """Set the gains, the limits and the damping."""

@@ -29,6 +29,7 @@ from .compiling import Triple, compiled, inner
 from .crba import apply_inertia, compose, place_inertias
 from .forward_kinematics import propagate
 from .spatial import (
+    add6,
     cross,
     force_cross,
     get,
@@ -86,13 +87,15 @@ def angular_momentum(tree: Records, q: Array, omega: Array, qd: Array) -> Angula
     )
     own = np.empty((bodies, 6))  # momentum of each part of the tree, about the base's origin
     for s in range(count):
-        rates[3:6], rates[6:] = omega[s], qd[s]
+        put(rates, 3, get(omega[s], 0))
+        for j in range(n):
+            rates[6 + j] = qd[s, j]
         propagate(tree, q[s], rates, qd[s], links)
         place_inertias(tree, links)
         _own_momenta(links, own)
         compose(tree, links)
         for i in range(bodies - 1, 0, -1):
-            own[tree[i].parent] += own[tree[i].number]
+            add6(own[tree[i].parent], *get6(own[tree[i].number]))
         _write(links, own, s, out)
     return out
 

@@ -354,6 +354,10 @@ def _put_column(Z: Array, column: int, a: Triple) -> None:
 
 @inner  # type: ignore[untyped-decorator]
 def _kinematics(tree: Records, q: Array, u: Array) -> BodyKinematics:
-    rates = np.zeros((len(q), 3 + u.shape[1]))
-    rates[:, 3:] = u
-    return forward_kinematics(tree, q, rates, u[:, 3:].copy())
+    rates, qd = np.zeros((len(q), 3 + u.shape[1])), np.empty(q.shape)
+    for s in range(len(u)):
+        for i in range(u.shape[1]):
+            rates[s, 3 + i] = u[s, i]
+            if i >= 3:
+                qd[s, i - 3] = u[s, i]
+    return forward_kinematics(tree, q, rates, qd)

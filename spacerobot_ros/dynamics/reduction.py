@@ -45,13 +45,17 @@ def equation_of_motion(
     """
     n = q.shape[1]
     qd, qdd = np.empty((1, n)), np.zeros((1, n))
-    qd[0] = rates[0, 6:]
+    for j in range(n):
+        qd[0, j] = rates[0, 6 + j]
     kinematics = forward_kinematics(trees[0], q, rates, qd)
     accelerations = body_accelerations(trees[0], kinematics, acceleration)
-    out = np.empty((6 + n, 7 + n))
-    out[:, :-1] = crba(trees[0], kinematics)[0]
-    out[:6, -1] = rnea(trees[0], kinematics, accelerations, qdd)[0, :6]
-    out[6:, -1] = rnea(trees[1], kinematics, accelerations, qdd)[0, 6:]
+    out, M = np.empty((6 + n, 7 + n)), crba(trees[0], kinematics)
+    base = rnea(trees[0], kinematics, accelerations, qdd)
+    joints = rnea(trees[1], kinematics, accelerations, qdd)
+    for i in range(6 + n):
+        for j in range(6 + n):
+            out[i, j] = M[0, i, j]
+        out[i, 6 + n] = base[0, i] if i < 6 else joints[0, i]
     return out
 
 
@@ -77,7 +81,9 @@ def eliminate(equation: Array, count: int) -> bool:
             for column in range(p, size + 1):
                 rest[row, column] -= share * rest[p, column]
         if p == count - 1:
-            equation[:] = rest
+            for i in range(size):
+                for j in range(size + 1):
+                    equation[i, j] = rest[i, j]
     return is_definite
 
 

@@ -69,7 +69,8 @@ def inertia_supports(tree: Records) -> tuple[BoolArray, BoolArray]:
     has_inertia, supports = np.zeros(len(tree), np.bool_), np.zeros(len(tree), np.bool_)
     for i in range(len(tree) - 1, -1, -1):
         body = tree[i]
-        has_inertia[i] = np.any(body.inertial != 0.0) or np.any(body.wheels != 0.0)
+        for a in range(10):
+            has_inertia[i] |= body.inertial[a] != 0.0 or body.wheels[a % 3] != 0.0
         supports[body.number] |= has_inertia[i]
         if i > 0:
             supports[body.parent] |= supports[body.number]

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import probe_python
 import pytest
-import setup_build
 import setup_tools
 import setup_workspace
 from set_up import only_one
@@ -220,43 +219,3 @@ def test_what_is_shown_does_not_go_to_the_log(work, capfd):
     assert capfd.readouterr().out == 'shown\n'
     assert setup_tools.log_path(work, 'a.log').read_text(encoding='utf-8').endswith('kept')
     assert 'shown' in setup_tools.log_path(work, 'b.log').read_text(encoding='utf-8')
-
-
-def put_venv_python(work, script):
-    work.python.parent.mkdir(parents=True)
-    work.python.write_text(f'#!/bin/sh\n{script}\n', encoding='utf-8')
-    work.python.chmod(0o755)
-
-
-def test_kernels_are_compiled_beside_the_build_and_waited_for(work, capfd):
-    put_venv_python(work, 'while [ ! -e built ]; do :; done; echo "$@" $PYTHONPATH > compiled')
-    with only_one(work.root) as lock, setup_build.kernels_beside(work, lock):
-        (work.root / 'built').touch()
-    compiled = (work.root / 'compiled').read_text(encoding='utf-8')
-    assert compiled == f'-m {setup_build.WARM_UP} kernels {work.root}\n'
-    assert capfd.readouterr().out == ''
-
-
-def test_kernels_that_fail_are_no_failure(work, capfd):
-    put_venv_python(work, 'exit 1')
-    with only_one(work.root) as lock, setup_build.kernels_beside(work, lock):
-        pass
-    assert 'not done, so the first commands take longer' in capfd.readouterr().out
-
-
-def test_kernels_end_with_a_build_that_fails(work):
-    put_venv_python(work, 'sleep 1000 & echo $! > child; wait')
-    path = work.root / 'child'
-
-    def fail():
-        with only_one(work.root) as lock, setup_build.kernels_beside(work, lock):
-            while not path.exists() or not path.read_text():
-                pass
-            raise SetupError('no compiler')
-
-    with pytest.raises(SetupError, match='no compiler'):
-        fail()
-    child = path.read_text().strip()
-    while Path(f'/proc/{child}/stat').exists():  # its state: a zombie has ended, too
-        if Path(f'/proc/{child}/stat').read_text().rpartition(')')[2].split()[0] == 'Z':
-            break

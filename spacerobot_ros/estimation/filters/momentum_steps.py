@@ -37,10 +37,30 @@ def transitions_of(durations: Array, matrices: Array) -> Array:
                 out[k, c - m * n, c] = chain
                 for i in range(3):
                     rows[i, c] -= by_rows[i, c - m * n] * chain
-        out[k, :3] = np.linalg.solve(np.eye(3) + by_rows[:, :3], rows)
+        _solve(by_rows, rows)
         for c in range(size):
+            for i in range(3):
+                out[k, i, c] = rows[i, c]
             out[k, c, c] += 1.0
     return out
+
+
+@inner  # type: ignore[untyped-decorator]
+def _solve(matrix: Array, right: Array) -> None:
+    """Solve (1 + M) x = b (3, d) in place of both; turns within a step are far below pi."""
+    for i in range(3):
+        matrix[i, i] += 1.0
+    for p in range(3):
+        for i in range(3):
+            if i != p:
+                share = matrix[i, p] / matrix[p, p]
+                for c in range(p + 1, 3):
+                    matrix[i, c] -= share * matrix[p, c]
+                for c in range(right.shape[1]):
+                    right[i, c] -= share * right[p, c]
+    for i in range(3):
+        for c in range(right.shape[1]):
+            right[i, c] /= matrix[i, i]
 
 
 @inner  # type: ignore[untyped-decorator]
