@@ -36,7 +36,7 @@ from .controller_status import (
     estimate_status,
     input_status,
 )
-from .idle import IdleTime
+from .pace import IdleTime
 from .pairing import Pairing
 from .parameter_publisher import ParameterPublisher
 from .sensor_node import TOPICS, SensorNode

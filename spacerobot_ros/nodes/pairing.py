@@ -10,7 +10,7 @@ from typing import Any
 from ..control.loop import ControlLoop
 from ..model.settings import SimulatorSettings
 from ..sensing.sensors import steps_between
-from .idle import IdleTime
+from .pace import IdleTime
 
 
 class Pairing:

@@ -29,8 +29,7 @@ from ..simulation.plant import Plant
 from ..simulation.truth import build_plant, build_sensors, wheels_of
 from .base import RobotNode
 from .commands import Answer, HeldCommands
-from .idle import IdleTime
-from .pace import Pace
+from .pace import IdleTime, Pace
 from .simulator_topics import SimulatorTopics
 
 POLL_PERIOD = 0.05

@@ -12,7 +12,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from support.models import table_one, to_urdf, wheel_joints, with_wheels
 
-from spacerobot_ros.nodes.idle import IdleTime
+from spacerobot_ros.nodes.pace import IdleTime
 from spacerobot_ros.nodes.simulator import SimulatorNode
 from spacerobot_ros.recording import messages
 from spacerobot_ros.ros.convert import compose
