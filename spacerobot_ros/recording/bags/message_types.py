@@ -51,18 +51,18 @@ def _register(store: Typestore, path: Path) -> None:
 
 
 def message_folder() -> Path:
-    """Folder of the `.msg` files: of the built package, else of the source checkout.
+    """Folder of the `.msg` files: of the built package, of this installation or of the checkout.
 
     Raises:
-        RecordingError: neither is there.
+        RecordingError: none is there.
     """
     prefixes = filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep))
-    installed = [Path(prefix) / 'share' / PACKAGE / 'msg' for prefix in prefixes]
-    checkout = Path(__file__).resolve().parents[3] / 'msg_defs' / 'msg'
-    for folder in (*installed, checkout):
+    built = [Path(prefix) / 'share' / PACKAGE / 'msg' for prefix in prefixes]
+    here = Path(__file__).resolve()
+    for folder in (*built, here.with_name('msg'), here.parents[3] / 'msg_defs' / 'msg'):
         if folder.is_dir():
             return folder
-    raise RecordingError(PACKAGE, 'is neither on AMENT_PREFIX_PATH nor in a source checkout')
+    raise RecordingError(PACKAGE, 'has no messages on AMENT_PREFIX_PATH, and this package neither')
 
 
 @functools.cache
