@@ -2,18 +2,34 @@
 
 from glob import glob
 
-from setuptools import find_packages, setup
+from setuptools import Distribution, find_packages, setup
 
 PACKAGE = 'spacerobot_ros'
 SHARE = f'share/{PACKAGE}'
-MESSAGES = f'{PACKAGE}.recording.bags.msg'
+
+
+class Readable(Distribution):
+    """What colcon can read: it evaluates the text of all attributes (colcon-python-setup-py#33)."""
+
+    def parse_config_files(self, *args, **kwargs):
+        """Read pyproject.toml, too."""
+        super().parse_config_files(*args, **kwargs)
+        self.python_requires = self.metadata.python_requires = str(self.python_requires)
+
 
 setup(
-    packages=[*find_packages(include=[PACKAGE, f'{PACKAGE}.*']), MESSAGES],
-    package_dir={MESSAGES: 'msg_defs/msg'},
+    distclass=Readable,
+    license='Apache-2.0',  # setuptools of before 77 and after take it here alone without a word
+    packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
     package_data={
-        PACKAGE: ['py.typed', 'schemas/*.json', 'report/assets/*', '*/*.yaml', 'ros/*.xml'],
-        MESSAGES: ['*.msg'],
+        PACKAGE: [
+            'py.typed',
+            'schemas/*.json',
+            'report/assets/*',
+            '*/*.yaml',
+            'ros/*.xml',
+            'recording/bags/msg/*.msg',
+        ]
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),

@@ -171,7 +171,10 @@ install_locked() {
         '' | 'uv 0.'[0-4].*) ;;
         *) uv=$(command -v uv) ;;
     esac
-    [ -x "$uv" ] || "${pip[@]}" -r <(sed -n '/^uv==/,/[^\\]$/p' "${locks[0]}") || true
+    if [ ! -x "$uv" ]; then
+        sed -n '/^uv==/,/[^\\]$/p' "${locks[0]}" > "$venv/uv.txt"
+        "${pip[@]}" -r "$venv/uv.txt" || true
+    fi
     "$uv" pip sync --python "$venv/bin/python" --require-hashes "${locks[@]}" ||
         for lock in "${locks[@]}"; do
             "${pip[@]}" -r "$lock" || return

@@ -51,18 +51,19 @@ def _register(store: Typestore, path: Path) -> None:
 
 
 def message_folder() -> Path:
-    """Folder of the `.msg` files: of the built package, of this installation or of the checkout.
+    """Folder of the `.msg` files: of the built package, else those that come with this one.
 
     Raises:
-        RecordingError: none is there.
+        RecordingError: neither is there.
     """
     prefixes = filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep))
     built = [Path(prefix) / 'share' / PACKAGE / 'msg' for prefix in prefixes]
-    here = Path(__file__).resolve()
-    for folder in (*built, here.with_name('msg'), here.parents[3] / 'msg_defs' / 'msg'):
+    for folder in (*built, Path(__file__).with_name('msg')):
         if folder.is_dir():
             return folder
-    raise RecordingError(PACKAGE, 'has no messages on AMENT_PREFIX_PATH, and this package neither')
+    raise RecordingError(
+        PACKAGE, 'is not on AMENT_PREFIX_PATH, and no messages come with this package'
+    )
 
 
 @functools.cache
