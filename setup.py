@@ -2,7 +2,7 @@
 
 from glob import glob
 
-from setuptools import Distribution, find_packages, setup
+from setuptools import Distribution, find_namespace_packages, setup
 
 PACKAGE = 'spacerobot_ros'
 SHARE = f'share/{PACKAGE}'
@@ -20,16 +20,9 @@ class Readable(Distribution):
 setup(
     distclass=Readable,
     license='Apache-2.0',  # setuptools of before 77 and after take it here alone without a word
-    packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
+    packages=find_namespace_packages(include=[PACKAGE, f'{PACKAGE}.*'], exclude=['*.__pycache__']),
     package_data={
-        PACKAGE: [
-            'py.typed',
-            'schemas/*.json',
-            'report/assets/*',
-            '*/*.yaml',
-            'ros/*.xml',
-            'recording/bags/msg/*.msg',
-        ]
+        '': ['py.typed', '*.css', '*.html', '*.js', '*.json', '*.msg', '*.txt', '*.xml', '*.yaml']
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
