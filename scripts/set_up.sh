@@ -242,7 +242,7 @@ trap 'said=yes; echo "spacerobot set-up: interrupted; the next run starts afresh
 ros=$(sourced_ros)
 locks=(requirements/wheels.txt)
 [ -z "$ros" ] || locks=(requirements/sourced.txt requirements/colcon.txt)
-[ $# -gt 0 ] || ! is_venv_current || ! is_build_current || exit 0
+if [ $# -eq 0 ] && is_venv_current && is_build_current; then exit 0; fi 2> /dev/null
 
 only_one
 start=$SECONDS
