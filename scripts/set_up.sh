@@ -129,8 +129,8 @@ require_platform() {
 
 require_build_tools() {
     local missing=''
-    need 'C compiler' "${CC:-cc}" ${CC:-gcc clang}
-    need 'C++ compiler' "${CXX:-c++}" ${CXX:-g++ clang++}
+    if [ -n "${CC:-}" ]; then need 'C compiler' "${CC%% *}"; else need 'C compiler' cc gcc clang; fi
+    if [ -n "${CXX:-}" ]; then need 'C++ compiler' "${CXX%% *}"; else need 'C++ compiler' c++ g++ clang++; fi
     need cmake cmake
     need make make
     [ -z "$missing" ] || fail "not found on PATH: ${missing:2}; needed to build the messages" \
@@ -138,11 +138,13 @@ require_build_tools() {
 }
 
 need() { # need WHAT NAME...: any of these programs
-    local name what=$1
+    local name names what=$1
     shift
     for name in "$@"; do
-        command -v "${name%% *}" > /dev/null && return
+        command -v "$name" > /dev/null && return
     done
+    printf -v names '%s or ' "$@"
+    [ "$what" = "$1" ] || what="$what (${names% or })"
     missing="$missing, $what"
 }
 
@@ -207,7 +209,8 @@ $(place_of "$python")" ]; then
 }
 
 build() {
-    local program fewer=OFF
+    local program wanted fewer=OFF
+    wanted=$(wanted_build)
     export PATH="$venv/bin:$PATH"
     if [ -z "$ros" ]; then
         export AMENT_PREFIX_PATH=$venv CMAKE_PREFIX_PATH=$venv _ROS_WHEELS_BOOTSTRAP_COMPLETE=1
@@ -215,25 +218,27 @@ build() {
         export LD_LIBRARY_PATH
         fewer=ON
     fi
-    [ "$(head -n 1 $build_stamp 2> /dev/null)" = "$(wanted_build | head -n 1)" ] || rm -rf build install
+    [ "$(head -n 1 $build_stamp 2> /dev/null)" = "${wanted%%$'\n'*}" ] || rm -rf build install
     rm -f $build_stamp log/setup/build.log
     run build.log 'colcon build' 'the log names the first error' "$venv/bin/python" -c \
         'import sys; from colcon_core.command import main; sys.exit(main())' \
         --log-base log build --symlink-install --base-paths . msg_defs --cmake-args \
         -DBUILD_TESTING=OFF "-DPython3_EXECUTABLE=$venv/bin/python" \
         -DPython3_FIND_VIRTUALENV=ONLY "-DSPACEROBOT_FOR_PYTHON=$fewer" --no-warn-unused-cli
-    for program in spacerobot $(ls programs); do
-        [ -x "install/spacerobot_ros/lib/spacerobot_ros/$program" ] ||
-            fail "colcon build failed: $program not installed; see $root/log/setup/build.log"
+    for program in programs/*; do
+        [ -x "install/spacerobot_ros/lib/spacerobot_ros/${program##*/}" ] ||
+            fail "colcon build failed: ${program##*/} not installed; see $root/log/setup/build.log"
     done
     ln -sf "$root/install/spacerobot_ros/lib/spacerobot_ros/spacerobot" "$venv/bin/spacerobot"
-    wanted_build > $build_stamp.draft
+    echo "$wanted" > $build_stamp.draft
     mv $build_stamp.draft $build_stamp
 }
 
 finish() { # whatever ended it, in one line
-    [ $? -eq 0 ] || [ -n "${said:-}" ] ||
-        echo "spacerobot set-up: $(tail -n 1 log/setup/set_up.log 2> /dev/null || echo failed)" >&3
+    local status=$? last
+    [ $status -ne 0 ] && [ -z "${said:-}" ] || return 0
+    last=$(tail -n 1 log/setup/set_up.log 2> /dev/null)
+    echo "spacerobot set-up: ${last:-ended with status $status: is the disk full?}" >&3
 }
 
 exec 3>&2

@@ -123,6 +123,7 @@ def ready(machine):
     """Return a machine on which a set-up is done."""
     machine.put_all()
     assert machine.made() == {'venv', 'packages', 'build'}
+    machine.calls_file.unlink()
     return machine
 
 

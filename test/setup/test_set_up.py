@@ -165,15 +165,22 @@ def test_a_failed_set_up_goes_on_when_it_can(machine, step):
 def test_two_at_once_wait_for_each_other_and_work_once(ready):
     gate = ready.checkout.with_name('gate')
     ready.put('waits', f'while [ ! -e {gate} ]; do sleep 0.01; done')
-    first = ready.start('--rebuild', SLOWLY='waits')
+    append(ready.checkout / 'msg_defs' / 'msg' / 'Estimate.msg')
+    first = ready.start(SLOWLY='waits')
     while ready.made_so_far('colcon_core.command') == 0:
         assert first.poll() is None
-    append(ready.checkout / 'msg_defs' / 'msg' / 'Estimate.msg')  # both see it
     second = ready.start()
     assert 'waiting for another set-up' in second.stdout.readline()
     gate.touch()
     assert ended(first) == ended(second) == 0
     assert ready.made_so_far('colcon_core.command') == 1
+
+
+def test_what_changes_during_a_build_is_built_again(ready):
+    changed = ready.checkout / 'msg_defs' / 'msg' / 'Estimate.msg'
+    ready.put('changes', f'echo "# changed" >> {changed}')
+    assert ready.made('--rebuild', SLOWLY='changes') == {'build'}
+    assert ready.made() == {'build'}
 
 
 def test_a_killed_set_up_starts_afresh_and_its_tools_keep_the_lock(ready):
