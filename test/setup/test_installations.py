@@ -121,7 +121,7 @@ def missing(name):
     ('error', 'line'),
     [
         (missing('spacerobot_msgs.msg'), f'spacerobot_msgs is not built: .*{BUILD}'),
-        (missing('rclpy'), 'rclpy is not installed: source your ROS 2, or make setup'),
+        (missing('rclpy'), 'rclpy is not installed: source your ROS 2, or make setup.*'),
         (missing('pinocchio'), f'pinocchio is not installed: make setup.*{LIBRARIES}'),
         (ImportError('no Field in it', name='pydantic'), f'no Field in it: .*{LIBRARIES}'),
     ],
