@@ -9,7 +9,7 @@ SHARE = f'share/{PACKAGE}'
 
 
 class Readable(Distribution):
-    """What colcon can read: it evaluates the text of all attributes (colcon-python-setup-py#33)."""
+    """What colcon can read: it evaluates every attribute's text (colcon-python-setup-py#33)."""
 
     def parse_config_files(self, *args, **kwargs):
         """Read pyproject.toml, too."""

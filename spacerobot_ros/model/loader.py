@@ -57,7 +57,7 @@ def resolve_urdf(url: str, beside: Path | None) -> Path:
 
 
 def package_folder(package: str) -> Path:
-    """Share folder of a ROS package; this one's may be where pip put it, or the source checkout."""
+    """Share folder of a ROS package; this one's may also be pip's, or the checkout."""
     if not package:
         raise ConfigurationError('robot.urdf', 'package:// needs a package name')
     here = [*Path(__file__).resolve().parents]

@@ -24,8 +24,10 @@ case $* in
     cp_to() { printf '#!/bin/bash\n%s\n' "$1" > "$2" && chmod +x "$2"; }
     cp_to 'echo "venv $*" >> "$CALLS"; exec bash "$BUILDER" "$@"' "$venv/bin/python"
     ;;
-*' install '*uv.txt) printf '#!/bin/bash\necho "uv $*" >> "$CALLS"; exit ${UV_FAILS:-0}\n' > .venv/bin/uv
-    chmod +x .venv/bin/uv ;;
+*' install '*uv.txt)
+    printf '#!/bin/bash\necho "uv $*" >> "$CALLS"; exit ${UV_FAILS:-0}\n' > .venv/bin/uv
+    chmod +x .venv/bin/uv
+    ;;
 *' install '*) exit ${PIP_FAILS:-0} ;;
 '-V') echo Python 3.11.0 ;;
 *import\ colcon_core*) exit ${NO_COLCON:-0} ;;

@@ -85,11 +85,12 @@ def test_workspace_is_built_as_readme_says(checkout, tmp_path, option):
     folder.mkdir()
     enter = f'source {tmp_path}/install/setup.bash'
     assert run(f'{enter} && {programs}/spacerobot --version', folder, **environ)
-    seen = run(
-        f'{enter} && python3 -c "import spacerobot_ros.nodes.program as p; import spacerobot_msgs;'
-        " [p.node_class(n) for n in p.NODES]; print(p.__file__); print(spacerobot_msgs.__file__)\"",
-        folder, **environ,
-    )  # fmt: skip
+    show = (
+        'import spacerobot_ros.nodes.program as program, spacerobot_msgs;'
+        '[program.node_class(node) for node in program.NODES];'
+        'print(program.__file__, spacerobot_msgs.__file__, sep="\\n")'
+    )
+    seen = run(f"{enter} && python3 -c '{show}'", folder, **environ)
     assert all(line.startswith(str(tmp_path)) for line in seen.splitlines())
     assert set(os.listdir(programs)) == {path.name for path in (ROOT / 'programs').iterdir()}
 

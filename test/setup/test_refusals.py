@@ -23,7 +23,9 @@ def test_no_python(machine):
 def test_old_python_is_named(machine):
     machine.put('python3', 'echo is 3.8.1; exit 1')
     machine.put('python3.12', 'echo "is 3.12.1 without its headers"; exit 1')
-    assert 'python3 is 3.8.1; python3.12 is 3.12.1 without its headers; install' in refused(machine)
+    assert 'python3 is 3.8.1; python3.12 is 3.12.1 without its headers; install' in refused(
+        machine
+    )
 
 
 def test_chosen_python_that_does_not_exist(machine):
@@ -89,7 +91,9 @@ def test_paths_that_colcon_can_not_build_in(machine, name):
 def test_folder_that_can_not_be_written(machine):
     machine.put_all()
     (machine.programs / 'mkdir').unlink()
-    machine.put('mkdir', 'echo "mkdir: cannot create directory: Read-only file system" >&2; exit 1')
+    machine.put(
+        'mkdir', 'echo "mkdir: cannot create directory: Read-only file system" >&2; exit 1'
+    )
     line = refused(machine)
     assert line.endswith(f'can not write in {machine.checkout}: Read-only file system')
 

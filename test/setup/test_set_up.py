@@ -114,7 +114,9 @@ def test_a_ros_counts_as_sourced_when_it_has_rclpy_and_is_not_ours(ready, ros):
     assert ready.made(AMENT_PREFIX_PATH=ros['AMENT_PREFIX_PATH']) == set()
     overlaid = f'{ours}:/overlay:{ros["AMENT_PREFIX_PATH"]}'
     assert ready.made(**{**ros, 'AMENT_PREFIX_PATH': overlaid}) == ALL
-    assert ready.made(**{**ros, 'AMENT_PREFIX_PATH': f'/overlay:{ros["AMENT_PREFIX_PATH"]}'}) == set()
+    assert (
+        ready.made(**{**ros, 'AMENT_PREFIX_PATH': f'/overlay:{ros["AMENT_PREFIX_PATH"]}'}) == set()
+    )
 
 
 def test_tools_do_not_see_this_workspace_nor_make(ready):
@@ -148,7 +150,10 @@ def test_pip_where_uv_does_not_work(machine):
 
 def test_uv_on_the_path_serves_unless_it_is_old(ready):
     for version, serves in (('0.4.30', False), ('0.13.9', True)):
-        ready.put('uv', f'case $1 in --version) echo uv {version} ;; *) echo "own $*" >> "$CALLS" ;; esac')
+        ready.put(
+            'uv',
+            f'case $1 in --version) echo uv {version} ;; *) echo "own $*" >> "$CALLS" ;; esac',
+        )
         shutil.rmtree(ready.checkout / '.venv')
         assert ready.made() == ALL
         assert any(call.startswith('own pip sync') for call in ready.calls()) == serves
