@@ -24,11 +24,10 @@ test: export MALLOC_TRIM_THRESHOLD_ = 268435456
 test: setup  ## all tests, in two processes; ARGS='-n 0 -x test/setup' goes to pytest
 	@$(ENTER) PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 python -m pytest -p xdist -n 2 --dist worksteal $(ARGS)
 
-docs: LOCKED = --no-deps --require-hashes -r requirements/docs.txt
 docs: setup  ## the documentation as a site, out/docs/site/index.html; strict
 	@test .venv/docs/lock -nt requirements/docs.txt || { .venv/bin/python -m venv --clear --without-pip .venv/docs && \
-		{ .venv/bin/uv pip install -q --python .venv/docs/bin/python $(LOCKED) 2> /dev/null || \
-		.venv/bin/python -m pip --python .venv/docs/bin/python install -q $(LOCKED); } && touch .venv/docs/lock; }
+		.venv/bin/uv pip sync -q --python .venv/docs/bin/python --require-hashes requirements/docs.txt && \
+		touch .venv/docs/lock; }
 	@$(ENTER) python scripts/make_docs.py
 	@NO_MKDOCS_2_WARNING=1 .venv/docs/bin/mkdocs build -q -f out/docs/mkdocs.yml
 	@rm -f out/docs/site/404.html # of servers alone: in a folder it finds nothing that it links to
@@ -55,7 +54,7 @@ build:  ## build messages and package again with colcon, changed or not
 msgs: setup  ## build the messages if they changed, and show what they hold
 	@for file in msg_defs/msg/*.msg; do echo "== $$file"; cat "$$file"; echo; done
 
-lock:  ## regenerate the lock files from requirements/*.in
+lock:  ## regenerate the lock files from pyproject.toml
 	@test -x .venv/bin/uv || scripts/set_up.sh
 	@scripts/lock.sh
 

@@ -1,45 +1,38 @@
-"""Package spacerobot_ros: nodes, command line, and the files they share."""
+"""What pyproject.toml can not say: files that ROS 2 finds under the prefix of an installation."""
 
 from glob import glob
 
-from setuptools import find_packages, setup
+from setuptools import Distribution, find_namespace_packages, setup
 
 PACKAGE = 'spacerobot_ros'
+SHARE = f'share/{PACKAGE}'
+
+
+class Readable(Distribution):
+    """What colcon can read: it evaluates every attribute's text (colcon-python-setup-py#33)."""
+
+    def parse_config_files(self, *args, **kwargs):
+        """Read pyproject.toml, too."""
+        super().parse_config_files(*args, **kwargs)
+        self.python_requires = self.metadata.python_requires = str(self.python_requires)
+
 
 setup(
-    name=PACKAGE,
-    version='0.1.0',
-    packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
+    distclass=Readable,
+    license='Apache-2.0',  # setuptools of before 77 and after take it here alone without a word
+    packages=find_namespace_packages(include=[PACKAGE, f'{PACKAGE}.*'], exclude=['*.__pycache__']),
     package_data={
-        PACKAGE: ['py.typed', 'schemas/*.json', 'report/assets/*', '*/*.yaml', 'ros/*.xml']
+        '': ['py.typed', '*.css', '*.html', '*.js', '*.json', '*.msg', '*.txt', '*.xml', '*.yaml']
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
-        (f'share/{PACKAGE}', ['package.xml']),
-        (f'share/{PACKAGE}/config', sorted(glob('config/*.urdf') + glob('config/*.yaml'))),
-        (f'share/{PACKAGE}/config/examples', sorted(glob('config/examples/*'))),
-        (f'share/{PACKAGE}/config/views', sorted(glob('config/views/*'))),
-        (f'share/{PACKAGE}/config/security', sorted(glob('config/security/*'))),
-        (f'share/{PACKAGE}/launch', sorted(glob('launch/*.py'))),
+        # colcon build --symlink-install links these, and no other files, to where it builds
+        (SHARE, ['package.xml', 'pyproject.toml']),
+        (f'{SHARE}/config', sorted(glob('config/*.urdf') + glob('config/*.yaml'))),
+        (f'{SHARE}/config/examples', sorted(glob('config/examples/*'))),
+        (f'{SHARE}/config/views', sorted(glob('config/views/*'))),
+        (f'{SHARE}/config/security', sorted(glob('config/security/*'))),
+        (f'{SHARE}/launch', sorted(glob('launch/*.py'))),
+        (f'lib/{PACKAGE}', sorted(glob('programs/*'))),
     ],
-    install_requires=['setuptools'],
-    extras_require={
-        'fleet': ['bokeh', 'dask', 'distributed', 'pyarrow'],
-        'test': ['pytest'],  # by which `colcon test` knows how
-    },
-    zip_safe=True,
-    maintainer='spacerobot_ros maintainers',
-    maintainer_email='maintainers@spacerobot.invalid',
-    description='Onboard estimation and control of a free-floating space robot.',
-    license='Apache-2.0',
-    entry_points={
-        'console_scripts': [
-            'simulator = spacerobot_ros.nodes.entry:simulator',
-            'identifier = spacerobot_ros.nodes.entry:identifier',
-            'monitor = spacerobot_ros.nodes.entry:monitor',
-            'controller = spacerobot_ros.nodes.entry:controller',
-            'composed = spacerobot_ros.nodes.entry:composed',
-            'spacerobot = spacerobot_ros.cli.main:main',
-        ],
-    },
 )

@@ -1,22 +1,19 @@
 #!/bin/sh
-# Regenerate the hashed lock files of requirements/ from the *.in files: one file serves every
+# Regenerate the hashed lock files of requirements/ from pyproject.toml: one file serves every
 # supported Python. Names of package indexes never get into them. "make lock" calls this.
 set -eu
-cd "$(dirname -- "$0")/../requirements"
-uv=${UV:-../.venv/bin/uv}
+cd "$(dirname -- "$0")/.."
 
-compile() {  # compile OUTPUT ARGUMENT...
-    output=$1
+lock() {  # lock NAME ARGUMENT...
+    output=requirements/$1.txt
     shift
-    "$uv" pip compile --quiet --universal --python-version 3.10 --generate-hashes \
-        --no-emit-index-url --no-emit-find-links --no-annotate --no-header \
-        --output-file "$output" "$@"
-    echo "wrote requirements/$output"
+    .venv/bin/uv pip compile --quiet --universal --python-version 3.10 --generate-hashes \
+        --no-emit-index-url --no-emit-find-links --no-annotate --no-header --output-file "$output" "$@"
+    echo "wrote $output"
 }
 
-compile wheels.txt ros.in colcon.in base.in fleet.in test.in dev.in
-compile sourced.txt --override sourced-overrides.in --no-emit-package numpy \
-    base.in sourced.in fleet.in test.in dev.in
-compile colcon.txt colcon.in
-compile docs.txt docs.in
-compile uv.txt uv.in
+lock wheels pyproject.toml --extra ros --extra fleet --extra test --group build --group tools
+lock sourced pyproject.toml --extra fleet --extra test --group tools \
+    --override requirements/sourced.in --no-emit-package numpy
+lock colcon --group build
+sed -n "/^docs = \[/,/^\]/s/^ *'\([^']*\)'.*/\1/p" pyproject.toml | lock docs -

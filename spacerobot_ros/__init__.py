@@ -6,4 +6,4 @@ import os
 # from the other nodes. Read by OpenBLAS when numpy is imported.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
-__version__ = '0.1.0'
+__version__ = '0.2.0'

@@ -74,11 +74,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         # the interpreter would complain again when it flushes at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
-    except ModuleNotFoundError as error:
-        if not (missing := str(error.name)).startswith(__package__.partition('.')[0]):
-            why = f'{missing} is not installed: make setup, then source env.sh (or your ROS 2)'
-            return _fails(asked, 2, why)
-        return _fails(asked, 3, _fault(error, words))
+    except ImportError as error:
+        if str(error.name).startswith(__package__.partition('.')[0]):
+            return _fails(asked, 3, _fault(error, words))
+        from ..requirements import why_missing
+
+        return _fails(asked, 2, why_missing(error))
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT) or _is_given(error.filename, words):
             return _fails(asked, 2, f'{error.filename or "results"}: {error.strerror}')

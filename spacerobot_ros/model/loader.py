@@ -57,16 +57,18 @@ def resolve_urdf(url: str, beside: Path | None) -> Path:
 
 
 def package_folder(package: str) -> Path:
-    """Share folder of a ROS package; this one's source checkout serves without installation."""
+    """Share folder of a ROS package; this one's may also be pip's, or the checkout."""
     if not package:
         raise ConfigurationError('robot.urdf', 'package:// needs a package name')
-    for prefix in filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)):
-        share = Path(prefix) / 'share' / package
-        if share.is_dir():
-            return share
-    checkout = Path(__file__).resolve().parents[2]
-    if package == 'spacerobot_ros' and (checkout / 'config').is_dir():
-        return checkout
+    here = [*Path(__file__).resolve().parents]
+    if package == 'spacerobot_ros' and (here[2] / 'config').is_dir():
+        own = [here[2]]
+    else:
+        own = [prefix / 'share' / package for prefix in here[5:6]]  # of lib/pythonX/site-packages
+    prefixes = filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep))
+    for folder in (*(Path(prefix) / 'share' / package for prefix in prefixes), *own):
+        if folder.is_dir():
+            return folder
     raise ConfigurationError('robot.urdf', f'package {package!r} is not on AMENT_PREFIX_PATH')
 
 

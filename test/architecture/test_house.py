@@ -16,7 +16,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PACKAGE = 'spacerobot_ros'
 LAYERS = (
-    ('', 'errors', 'types', 'json_values', 'formats', 'display', 'interrupts'),
+    ('', 'errors', 'types', 'json_values', 'formats', 'display', 'interrupts', 'requirements'),
     ('model', 'inference'),
     ('dynamics',),
     ('effects',),

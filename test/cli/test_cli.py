@@ -343,8 +343,8 @@ def test_no_command_and_version(capsys):
         (
             ModuleNotFoundError(name='rclpy'),
             2,
-            'spacerobot identify: rclpy is not installed: make setup, then source env.sh (or your '
-            'ROS 2)\n',
+            'spacerobot identify: rclpy is not installed: source your ROS 2, or make setup, then '
+            'source env.sh\n',
         ),
     ],
 )

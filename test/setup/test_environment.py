@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 pytestmark = [
     pytest.mark.ros,
     pytest.mark.skipif(
-        not (ROOT / 'install' / 'spacerobot-stamp.json').exists(), reason='not set up: make setup'
+        not (ROOT / 'install' / 'spacerobot-stamp').exists(), reason='not set up: make setup'
     ),
 ]
 CLEARED = ('AMENT_PREFIX_PATH', 'CMAKE_PREFIX_PATH', 'PYTHONPATH', 'LD_LIBRARY_PATH')
@@ -50,7 +50,8 @@ def test_sourcing_twice_changes_nothing_and_leaves_nothing_behind():
     assert in_shell('set | grep "^_spacerobot" || true') == []
 
 
-def test_every_executable_is_installed():
-    names = ('controller', 'identifier', 'simulator', 'spacerobot')
+def test_every_program_is_installed():
     folder = ROOT / 'install' / 'spacerobot_ros' / 'lib' / 'spacerobot_ros'
-    assert all(os.access(folder / name, os.X_OK) for name in names)
+    programs = {path.name for path in (ROOT / 'programs').iterdir()}
+    assert programs >= {'simulator', 'identifier', 'controller', 'monitor', 'composed'}
+    assert {path.name for path in folder.iterdir() if os.access(path, os.X_OK)} == programs

@@ -49,28 +49,35 @@ def test_locks_are_pinned_and_hashed_and_name_no_index(path):
         assert '--hash=sha256:' in block, f'not hashed: {block[:60]}'
 
 
-def test_locks_hold_what_their_sources_ask_for():
-    def asked(name):
-        lines = (ROOT / 'requirements' / f'{name}.in').read_text(encoding='utf-8').splitlines()
-        return {re.split(r'[<>=;\s]', line)[0] for line in lines if line and line[0] != '#'}
+def test_locks_hold_what_the_project_asks_for():
+    tomllib = pytest.importorskip('tomllib', reason='Python 3.11 or later')
+    project = tomllib.loads((ROOT / 'pyproject.toml').read_text(encoding='utf-8'))
+
+    def names(requirements):
+        return {re.split(r'[<>=;\s]', name)[0] for name in requirements}
 
     def locked(name):
         text = (ROOT / 'requirements' / f'{name}.txt').read_text(encoding='utf-8')
         return set(re.findall(r'^([\w.-]+)==', text, re.MULTILINE))
 
-    common = asked('base') | asked('fleet') | asked('test') | asked('dev')
-    assert common | asked('ros') | asked('colcon') <= locked('wheels')
+    extras = {name: names(of) for name, of in project['project']['optional-dependencies'].items()}
+    groups = {name: names(of) for name, of in project['dependency-groups'].items()}
+    common = names(project['project']['dependencies']) | groups['tools']
+    common |= extras['fleet'] | extras['test']
+    assert common | extras['ros'] | groups['build'] <= locked('wheels')
     assert common - {'numpy'} <= locked('sourced')
     assert not {name for name in locked('sourced') if name == 'numpy' or name.startswith('ros-')}
+    assert groups['build'] <= locked('colcon')
+    assert extras['docs'] <= locked('docs')
 
 
 def test_versions_agree():
     manifests = [ROOT / 'package.xml', ROOT / 'msg_defs' / 'package.xml']
     versions = {ElementTree.parse(path).findtext('version') for path in manifests}
-    setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
     package = (ROOT / 'spacerobot_ros' / '__init__.py').read_text(encoding='utf-8')
-    versions |= set(re.findall(r"version='([^']+)'", setup))
     versions |= set(re.findall(r"__version__ = '([^']+)'", package))
+    changes = (ROOT / 'CHANGELOG.md').read_text(encoding='utf-8')
+    versions.add(re.findall(r'^## \[(\d.*?)\] - \d{4}-\d\d-\d\d$', changes, re.MULTILINE)[0])
     assert len(versions) == 1
 
 

@@ -1,46 +1,12 @@
-"""Stamps, refusals and the lock of the set-up, without installing anything."""
+"""What the set-up makes again and when, with tools that only say that they were called."""
 
-import fcntl
 import os
-import platform
 import shutil
-import subprocess
-import sys
-from pathlib import Path
+import signal
 
-import probe_python
 import pytest
-import setup_tools
-import setup_workspace
-from set_up import only_one
-from setup_workspace import SetupError, Workspace
 
-ROOT = Path(__file__).resolve().parents[2]
-
-
-@pytest.fixture
-def work(tmp_path):
-    """Return a workspace with the files that stamps are made from."""
-    for folder in ('scripts', 'requirements', 'msg_defs', 'config'):
-        shutil.copytree(ROOT / folder, tmp_path / folder)
-    for name in ('setup.py', 'setup.cfg', 'package.xml'):
-        shutil.copy(ROOT / name, tmp_path)
-    return Workspace(tmp_path, environ={'PATH': os.defpath})
-
-
-def make_current(work):
-    """Write what a finished set-up leaves behind."""
-    work.python.parent.mkdir(parents=True)
-    work.python.touch()
-    setup_workspace.write_stamp(work.venv_stamp, {**setup_workspace.wanted_venv(work), 'made': 1})
-    for package in setup_workspace.PACKAGES:
-        (work.root / 'build' / package).mkdir(parents=True)
-    work.build_stamp.parent.mkdir()
-    setup_workspace.write_stamp(work.build_stamp, setup_workspace.wanted_build(work))
-
-
-def is_current(work):
-    return setup_workspace.is_venv_current(work), setup_workspace.is_build_current(work)
+ALL = {'venv', 'packages', 'build'}
 
 
 def append(path, text='\n# changed\n'):
@@ -49,173 +15,200 @@ def append(path, text='\n# changed\n'):
         file.write(text)
 
 
-def test_fresh_checkout_needs_everything(work):
-    assert is_current(work) == (False, False)
+def ended(process):
+    """Wait for a set-up; return its exit status."""
+    process.communicate(timeout=60)
+    return process.returncode
 
 
-def test_finished_set_up_needs_nothing(work):
-    make_current(work)
-    assert is_current(work) == (True, True)
+def test_finished_set_up_needs_nothing(ready):
+    assert ready.made() == set()
+    assert not ready.calls_file.exists()  # not even Python was started
 
 
 @pytest.mark.parametrize(
     ('changed', 'expected'),
     [
-        ('requirements/wheels.txt', (False, True)),
-        ('requirements/sourced.txt', (True, True)),
-        ('scripts/mend_cmake_exports.py', (False, True)),
-        ('msg_defs/msg/Estimate.msg', (True, False)),
-        ('msg_defs/msg/New.msg', (True, False)),
-        ('setup.py', (True, False)),
-        ('package.xml', (True, False)),
-        ('config/servicer.yaml', (True, True)),
-        ('config/new.yaml', (True, False)),
-        ('launch/new.launch.py', (True, False)),
-        ('spacerobot_ros/new.py', (True, True)),
+        ('requirements/wheels.txt', {'packages', 'build'}),
+        ('requirements/sourced.txt', set()),
+        ('scripts/mend_cmake_exports.py', {'packages', 'build'}),
+        ('msg_defs/msg/Estimate.msg', {'build'}),
+        ('msg_defs/msg/New.msg', {'build'}),
+        ('setup.py', {'build'}),
+        ('pyproject.toml', {'build'}),
+        ('package.xml', {'build'}),
+        ('programs/simulator', {'build'}),
+        ('config/servicer.yaml', set()),
+        ('config/new.yaml', {'build'}),
+        ('launch/new.launch.py', {'build'}),
+        ('spacerobot_ros/new.py', set()),
     ],
 )
-def test_only_changed_inputs_count(work, changed, expected):
-    make_current(work)
-    append(work.root / changed)
-    assert is_current(work) == expected
+def test_only_changed_inputs_count(ready, changed, expected):
+    append(ready.checkout / changed)
+    assert ready.made() == expected
+    assert ready.made() == set()
 
 
-def test_new_venv_needs_a_new_build(work):
-    make_current(work)
-    setup_workspace.write_stamp(work.venv_stamp, {**setup_workspace.wanted_venv(work), 'made': 2})
-    assert is_current(work) == (True, False)
+def test_build_is_kept_unless_messages_come_or_go(ready):
+    kept = ready.checkout / 'build' / 'kept'
+    kept.touch()
+    append(ready.checkout / 'msg_defs' / 'msg' / 'Estimate.msg')
+    assert ready.made() == {'build'}
+    assert kept.exists()
+    append(ready.checkout / 'msg_defs' / 'msg' / 'New.msg')
+    assert ready.made() == {'build'}
+    assert not kept.exists()
 
 
-def test_lost_build_folder_is_noticed(work):
-    make_current(work)
-    shutil.rmtree(work.root / 'build')
-    assert is_current(work) == (True, False)
+def test_rebuild_builds_what_is_current(ready):
+    assert ready.made('--rebuild') == {'build'}
 
 
-def test_moved_checkout_needs_everything(work, tmp_path):
-    make_current(work)
-    moved = tmp_path / 'moved'
-    moved.mkdir()
-    for child in tmp_path.iterdir():
-        if child != moved:
-            child.rename(moved / child.name)
-    assert is_current(Workspace(moved, environ=work.environ)) == (False, True)
+def test_lost_build_folder_is_noticed(ready):
+    shutil.rmtree(ready.checkout / 'build')
+    assert ready.made() == {'build'}
 
 
-def test_another_ros_needs_another_venv(work, tmp_path):
-    make_current(work)
-    ros = make_ros(tmp_path / 'ros')
-    assert not setup_workspace.is_venv_current(Workspace(work.root, (ros,), work.environ))
+def test_moved_checkout_needs_everything(ready):
+    moved = ready.checkout.with_name('moved')
+    ready.checkout.rename(moved)
+    ready.checkout = moved
+    assert ready.made() == ALL
 
 
-@pytest.mark.parametrize('content', ['', '{"inp', '[]', '\x00'])
-def test_broken_stamp_counts_as_none(work, content):
-    make_current(work)
-    work.venv_stamp.write_text(content, encoding='utf-8')
-    assert not setup_workspace.is_venv_current(work)
+@pytest.mark.parametrize('stamp', ['.venv/spacerobot-stamp', 'install/spacerobot-stamp'])
+@pytest.mark.parametrize('content', ['', 'x\ny\n', '\0'])
+def test_broken_stamp_counts_as_none(ready, stamp, content):
+    (ready.checkout / stamp).write_text(content, encoding='utf-8')
+    assert ready.made() == (ALL if '.venv' in stamp else {'build'})
 
 
-def test_another_python_is_made_only_when_asked_for(work):
-    make_current(work)
-    asked = Workspace(work.root, environ={**work.environ, 'PYTHON': sys.executable})
-    assert not setup_workspace.is_venv_current(asked)
+def test_another_python_is_made_only_when_asked_for(ready):
+    shutil.copy(ready.programs / 'python3', ready.programs / 'python3.12')
+    assert ready.made(PYTHON='python3') == set()
+    assert ready.made(PYTHON='python3.12') == ALL
+    assert ready.made() == set()
 
 
-def make_ros(prefix):
-    """Return the prefix of something that looks like a ROS 2 installation."""
-    (prefix / 'share' / 'rclpy').mkdir(parents=True)
-    (prefix / 'share' / 'rclpy' / 'package.xml').touch()
-    return str(prefix)
+def test_another_ros_needs_another_venv(ready, ros):
+    assert ready.made(**ros) == ALL
+    assert any('--system-site-packages' in call for call in ready.calls())
+    assert any(call.endswith('requirements/sourced.txt') for call in ready.calls())
+    assert ready.made(**ros) == set()
+    assert ready.made() == ALL
 
 
-def test_sourced_ros_is_recognized(tmp_path):
-    ros = make_ros(tmp_path / 'ros')
-    own = make_ros(tmp_path / 'checkout' / '.venv')
-    overlay = str(tmp_path / 'overlay')
-
-    def sourced(**environ):
-        return probe_python.sourced_ros(environ, str(tmp_path / 'checkout'))
-
-    assert sourced(ROS_DISTRO='kilted', AMENT_PREFIX_PATH=f'{overlay}:{ros}') == [overlay, ros]
-    assert sourced(ROS_DISTRO='kilted', AMENT_PREFIX_PATH=f'{own}:{ros}') == [ros]
-    assert sourced(ROS_DISTRO='kilted', AMENT_PREFIX_PATH=own) == []
-    assert sourced(ROS_DISTRO='kilted', AMENT_PREFIX_PATH=overlay) == []
-    assert sourced(AMENT_PREFIX_PATH=ros) == []
-    assert sourced() == []
+def test_a_sourced_ros_without_colcon_gets_one(machine, ros):
+    machine.put_all()
+    assert machine.made(NO_COLCON='1', **ros) == ALL
+    assert any('sourced.txt requirements/colcon.txt' in call for call in machine.calls())
 
 
-def test_tools_do_not_see_this_workspace_nor_make(work):
-    inside, outside = f'{work.root}/install/x', '/opt/other'
+def test_a_ros_counts_as_sourced_when_it_has_rclpy_and_is_not_ours(ready, ros):
+    ours = f'{ready.checkout}/.venv:{ready.checkout}/install/spacerobot_msgs'
+    (ready.checkout / '.venv' / 'share' / 'rclpy').mkdir(parents=True)
+    (ready.checkout / '.venv' / 'share' / 'rclpy' / 'package.xml').touch()
+    assert ready.made(ROS_DISTRO='jazzy', AMENT_PREFIX_PATH=ours) == set()
+    assert ready.made(ROS_DISTRO='jazzy', AMENT_PREFIX_PATH='/overlay') == set()
+    assert ready.made(AMENT_PREFIX_PATH=ros['AMENT_PREFIX_PATH']) == set()
+    overlaid = f'{ours}:/overlay:{ros["AMENT_PREFIX_PATH"]}'
+    assert ready.made(**{**ros, 'AMENT_PREFIX_PATH': overlaid}) == ALL
+    assert (
+        ready.made(**{**ros, 'AMENT_PREFIX_PATH': f'/overlay:{ros["AMENT_PREFIX_PATH"]}'}) == set()
+    )
+
+
+def test_tools_do_not_see_this_workspace_nor_make(ready):
+    inside, outside = f'{ready.checkout}/install/x', '/opt/other'
+    seen = ready.checkout.with_name('seen')
+    ready.put('sees', f'env > {seen}')
     environ = {
-        'PATH': f'{work.root}/.venv/bin:/usr/bin',
+        'PATH': f'{ready.checkout}/.venv/bin:{ready.programs}',
         'CMAKE_PREFIX_PATH': f'{inside}:{outside}',
         'AMENT_PREFIX_PATH': f'{inside}:{outside}',
-        'MAKEFLAGS': 'j',
+        'MAKEFLAGS': 'k',
         'PYTHONPATH': outside,
         'PYTHONDONTWRITEBYTECODE': '1',
+        'SLOWLY': 'sees',
     }
-    env = setup_tools.tool_environment(Workspace(work.root, environ=environ))
-    assert env['AMENT_PREFIX_PATH'] == env['CMAKE_PREFIX_PATH'] == str(work.venv)
-    assert env['PATH'] == f'{work.venv}/bin:/usr/bin'
-    assert 'MAKEFLAGS' not in env
-    assert 'PYTHONDONTWRITEBYTECODE' not in env  # what the set-up imports stays compiled
+    venv = f'{ready.checkout}/.venv'
+    assert ready.made('--rebuild', **environ) == {'build'}
+    env = dict(line.split('=', 1) for line in seen.read_text().splitlines() if '=' in line)
+    assert env['AMENT_PREFIX_PATH'] == env['CMAKE_PREFIX_PATH'] == venv
+    assert env['PATH'] == f'{venv}/bin:{ready.programs}'
+    assert env['MAKEFLAGS'] == f'-j{len(os.sched_getaffinity(0))}'
+    assert 'PYTHONDONTWRITEBYTECODE' not in env  # what is imported stays compiled
     assert 'PYTHONPATH' not in env
-    sourced = setup_tools.tool_environment(Workspace(work.root, (outside,), environ))
-    assert sourced['AMENT_PREFIX_PATH'] == sourced['CMAKE_PREFIX_PATH'] == outside
-    assert sourced['PYTHONPATH'] == outside
 
 
-def test_other_machines_are_refused(work, monkeypatch):
-    monkeypatch.setattr(platform, 'machine', lambda: 'aarch64')
-    with pytest.raises(SetupError, match='no ROS 2 wheels for Linux on aarch64'):
-        setup_tools.require_platform(work)
-    setup_tools.require_platform(Workspace(work.root, ('/opt/ros/kilted',)))
+def test_pip_where_uv_does_not_work(machine):
+    machine.put_all()
+    assert machine.made(UV_FAILS='1') == ALL
+    assert any(call.endswith('-r requirements/wheels.txt') for call in machine.calls())
 
 
-@pytest.mark.parametrize('name', ['my robot', 'a:b', "it's"])
-def test_paths_that_colcon_cannot_build_in_are_refused(tmp_path, name):
-    with pytest.raises(SetupError, match='move the checkout'):
-        setup_tools.require_platform(Workspace(tmp_path / name))
-
-
-def test_cause_is_read_from_the_log(work):
-    append_log(work, 'ERROR: [Errno 28] No space left on device')
-    assert 'the disk is full; see' in str(
-        setup_tools.failure(work, 'x.log', 'installing', 'other')
-    )
-    append_log(work, 'something else')
-    assert 'installing failed: other; see' in str(
-        setup_tools.failure(work, 'x.log', 'installing', 'other')
-    )
-
-
-def append_log(work, text):
-    path = setup_tools.log_path(work, 'x.log')
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding='utf-8')
-
-
-def test_lock_keeps_others_out_and_outlives_a_killed_parent(work):
-    with only_one(work.root) as lock:
-        other = os.open(work.root / '.setup.lock', os.O_RDWR)
-        with pytest.raises(BlockingIOError):
-            fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        child = subprocess.Popen(
-            ['/bin/sh', '-c', 'read line'], stdin=subprocess.PIPE, pass_fds=(lock,)
+def test_uv_on_the_path_serves_unless_it_is_old(ready):
+    for version, serves in (('0.4.30', False), ('0.13.9', True)):
+        ready.put(
+            'uv',
+            f'case $1 in --version) echo uv {version} ;; *) echo "own $*" >> "$CALLS" ;; esac',
         )
-    with pytest.raises(BlockingIOError):  # the child of a set-up that ended still works
-        fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    child.communicate(b'\n')
-    fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    os.close(other)
+        shutil.rmtree(ready.checkout / '.venv')
+        assert ready.made() == ALL
+        assert any(call.startswith('own pip sync') for call in ready.calls()) == serves
 
 
-def test_what_is_shown_does_not_go_to_the_log(work, capfd):
-    said = [sys.executable, '-c', 'import sys; print("shown"); sys.stderr.write("kept")']
-    with only_one(work.root) as lock:
-        shown = setup_tools.start(work, 'a.log', said, work.environ, lock, is_shown=True)
-        assert shown.wait() == 0
-        assert setup_tools.run(work, 'b.log', said, work.environ, lock)
-    assert capfd.readouterr().out == 'shown\n'
-    assert setup_tools.log_path(work, 'a.log').read_text(encoding='utf-8').endswith('kept')
-    assert 'shown' in setup_tools.log_path(work, 'b.log').read_text(encoding='utf-8')
+@pytest.mark.parametrize('step', [{'PIP_FAILS': '1', 'UV_FAILS': '1'}, {'BUILD_FAILS': '1'}])
+def test_a_failed_set_up_goes_on_when_it_can(machine, step):
+    machine.put_all()
+    assert machine.set_up(**step)[0] == 1
+    assert 'build' in machine.made()
+    assert machine.made() == set()
+
+
+def test_two_at_once_wait_for_each_other_and_work_once(ready):
+    gate = ready.checkout.with_name('gate')
+    ready.put('waits', f'while [ ! -e {gate} ]; do sleep 0.01; done')
+    append(ready.checkout / 'msg_defs' / 'msg' / 'Estimate.msg')
+    first = ready.start(SLOWLY='waits')
+    while ready.made_so_far('colcon_core.command') == 0:
+        assert first.poll() is None
+    second = ready.start()
+    assert 'waiting for another set-up' in second.stdout.readline()
+    gate.touch()
+    assert ended(first) == ended(second) == 0
+    assert ready.made_so_far('colcon_core.command') == 1
+
+
+def test_what_changes_during_a_build_is_built_again(ready):
+    changed = ready.checkout / 'msg_defs' / 'msg' / 'Estimate.msg'
+    ready.put('changes', f'echo "# changed" >> {changed}')
+    assert ready.made('--rebuild', SLOWLY='changes') == {'build'}
+    assert ready.made() == {'build'}
+
+
+def test_a_killed_set_up_starts_afresh_and_its_tools_keep_the_lock(ready):
+    gate = ready.checkout.with_name('gate')
+    ready.put('waits', f'while [ ! -e {gate} ]; do sleep 0.01; done')
+    killed = ready.start('--rebuild', SLOWLY='waits')
+    while ready.made_so_far('colcon_core.command') == 0:
+        assert killed.poll() is None
+    killed.kill()
+    (ready.checkout / 'build' / 'half').mkdir(parents=True)
+    second = ready.start()
+    assert 'waiting for another set-up' in second.stdout.readline()
+    gate.touch()
+    assert ended(second) == 0
+    assert ended(killed) == -signal.SIGKILL
+    assert not (ready.checkout / 'build' / 'half').exists()
+    assert ready.made() == set()
+
+
+def test_interrupted(ready):
+    ready.put('interrupts', 'kill -INT $(cat pid); sleep 0.2')
+    process = ready.start('--rebuild', SLOWLY='interrupts')
+    (ready.checkout / 'pid').write_text(str(process.pid))
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert errors == 'spacerobot set-up: interrupted; the next run starts afresh\n'

@@ -51,18 +51,19 @@ def _register(store: Typestore, path: Path) -> None:
 
 
 def message_folder() -> Path:
-    """Folder of the `.msg` files: of the built package, else of the source checkout.
+    """Folder of the `.msg` files: of the built package, else those that come with this one.
 
     Raises:
         RecordingError: neither is there.
     """
     prefixes = filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep))
-    installed = [Path(prefix) / 'share' / PACKAGE / 'msg' for prefix in prefixes]
-    checkout = Path(__file__).resolve().parents[3] / 'msg_defs' / 'msg'
-    for folder in (*installed, checkout):
+    built = [Path(prefix) / 'share' / PACKAGE / 'msg' for prefix in prefixes]
+    for folder in (*built, Path(__file__).with_name('msg')):
         if folder.is_dir():
             return folder
-    raise RecordingError(PACKAGE, 'is neither on AMENT_PREFIX_PATH nor in a source checkout')
+    raise RecordingError(
+        PACKAGE, 'is not on AMENT_PREFIX_PATH, and no messages come with this package'
+    )
 
 
 @functools.cache
