@@ -42,7 +42,6 @@ def test_the_description_of_a_package_is_valid(folder):
     assert 'Apache License' in (ROOT / 'LICENSE').read_text(encoding='utf-8')
 
 
-
 def test_what_is_used_of_ros_is_what_the_package_depends_on():
     described = package.parse_package(ROOT)
     stated = {d.name for d in described.exec_depends if not d.name.startswith('python3-')}
