@@ -40,7 +40,6 @@ def test_the_description_of_a_package_is_valid(folder):
     assert warnings == []
     assert described.licenses == ['Apache-2.0']
     assert 'Apache License' in (ROOT / 'LICENSE').read_text(encoding='utf-8')
-    assert f"version='{described.version}'" in (ROOT / 'setup.py').read_text(encoding='utf-8')
 
 
 def test_what_is_used_of_ros_is_what_the_package_depends_on():
