@@ -164,7 +164,7 @@ class MotionBarrier:
         return equation[rest:, rest:-1]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def allowed(
     rates: Array, now: tuple[Array, Array], slowing: Array, limits: Array, period: float
 ) -> Array:
@@ -195,14 +195,14 @@ def allowed(
     return out
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _approached(rate: float, limit: float, done: float) -> float:
     """Largest rate after a part of a hold."""
     share = _APPROACH * (done if rate > limit else 1.0)
     return (1.0 - share) * rate + share * limit
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _stopping(room: float, slowing: float, period: float) -> float:
     """Largest rate at the end of a hold from which a joint stops within some room."""
     room = max(room, 0.0)

@@ -41,7 +41,7 @@ def robot_records(robot: Robot, joint_reaction: bool = True) -> RobotRecords:
     return tree_of(robot), np.zeros(len(robot.bodies), LINK), joint_reaction
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def aba(machine: RobotRecords, x: Array, tau: Array, wrench: Array, out: Array) -> None:
     """Write the time derivatives of N state vectors.
 
@@ -75,7 +75,7 @@ def aba(machine: RobotRecords, x: Array, tau: Array, wrench: Array, out: Array) 
             out[s, 12 + n + k] = _accelerate(links[k], links[tree[i].parent])
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _set_inertia(body: Any, own: Any) -> None:
     """Articulated inertia of the body alone; of all symmetric matrices the lower triangle."""
     R, J, phi = own.rotation, own.articulated, body.inertial
@@ -93,7 +93,7 @@ def _set_inertia(body: Any, own: Any) -> None:
     J[5, 0], J[5, 1] = -h[1], h[0]
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _set_bias(body: Any, own: Any) -> None:
     """Bias force p of the body alone, without its wheels."""
     J, h, (v, w) = own.articulated, get(own.moment, 0), get6(own.velocity)
@@ -106,7 +106,7 @@ def _set_bias(body: Any, own: Any) -> None:
     put6(own.bias, cross(w, p), plus(cross(w, plus(cross(h, v), spin)), cross(v, p)))
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _times(J: Array, S: Array, out: Array) -> None:
     """Product with a symmetric matrix of which the lower triangle is kept."""
     for a in range(6):
@@ -116,7 +116,7 @@ def _times(J: Array, S: Array, out: Array) -> None:
         out[a] = total
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _articulate(own: Any, parent: Any, tau: float, motor: float) -> None:
     """Pass a link's articulated inertia and bias force to its parent."""
     J, U, F = own.articulated, own.force, own.acceleration
@@ -135,7 +135,7 @@ def _articulate(own: Any, parent: Any, tau: float, motor: float) -> None:
     add6(parent.bias, force, plus(torque, cross(d, force)))
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _shift_inertia(J: Array, d: Triple, out: Array) -> None:
     """Add X^T I X. With J = [[M, L^T], [L, C]]: L' = L + d x M, C' = C + d x L + (d x L')^T."""
     shifts = (
@@ -158,7 +158,7 @@ def _shift_inertia(J: Array, d: Triple, out: Array) -> None:
             out[3 + b, 3 + a] += after[b]
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _accelerate(own: Any, parent: Any) -> float:
     """Joint acceleration; leaves the link's own."""
     A = own.acceleration
@@ -169,7 +169,7 @@ def _accelerate(own: Any, parent: Any) -> float:
     return qdd
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _accelerate_base(body: Any, root: Any, x: Array, wrench: Array, out: Array) -> None:
     """Rates of the base; gravity is an acceleration of the frame that the tree moves in."""
     n, g = (len(x) - 13) // 2, get(body.gravity, 0)
@@ -192,7 +192,7 @@ def _accelerate_base(body: Any, root: Any, x: Array, wrench: Array, out: Array) 
     put(out, 10 + n, get(root.acceleration, 3))
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _solve(M: Array, b: Array) -> None:
     """Solve M x = b in place for a symmetric positive definite M, by M = L D L^T."""
     for i in range(6):

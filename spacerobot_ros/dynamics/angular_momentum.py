@@ -65,7 +65,7 @@ class AngularMomentum(NamedTuple):
     axes: Array
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def angular_momentum(tree: Records, q: Array, omega: Array, qd: Array) -> AngularMomentum:
     """Angular momentum of the bodies, wheels at rest, and its derivatives.
 
@@ -100,7 +100,7 @@ def angular_momentum(tree: Records, q: Array, omega: Array, qd: Array) -> Angula
     return out
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _own_momenta(links: Records, own: Array) -> None:
     """Write every body's momentum (b, 6) about the base's origin, before inertias are composed."""
     for k in range(len(links)):
@@ -110,14 +110,14 @@ def _own_momenta(links: Records, own: Array) -> None:
         put(own[k], 3, g)
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _velocity(links: Records, k: int) -> tuple[Triple, Triple]:
     """Velocity of a body at the base's origin."""
     v, w = get6(links[k].velocity)
     return plus(v, cross(get(links[k].origin, 0), w)), w
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _write(links: Records, own: Array, s: int, out: AngularMomentum) -> None:
     root = links[0]
     mass, first = root.mass, get(root.moment, 0)
@@ -158,14 +158,14 @@ def _write(links: Records, own: Array, s: int, out: AngularMomentum) -> None:
             _column(out.by_bodies[s], 10 * k + j, change)
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _about(centre: Triple, drift: Triple, dL: Triple, dP: Triple, shift: Triple) -> Triple:
     """DL - ds x P / M - s x dP / M."""
     lost = plus(cross(shift, drift), cross(centre, dP))
     return plus(dL, times(-1.0, lost))
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _column(out: Array, j: int, a: Triple) -> None:
     """Write a column of three."""
     out[0, j], out[1, j], out[2, j] = a

@@ -260,7 +260,7 @@ def _pairs(bodies: IntArray) -> IntArray:
     return np.array(pairs, dtype=np.int64)
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _move(
     kinematics: BodyKinematics, vectors: Vectors, q: Array, u: Array, s: int, out: Array
 ) -> None:
@@ -280,7 +280,7 @@ def _move(
         put(out[2, j], 0, plus(inward, cross(alpha, z)))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def momentum_columns(
     tree: Records, vectors: Vectors, pairs: IntArray, q: Array, u: Array
 ) -> Array:
@@ -307,7 +307,7 @@ def momentum_columns(
     return out
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def rates_of_change(tree: Records, vectors: Vectors, q: Array, u: Array) -> tuple[Array, Array]:
     """Z (N, G, 3, m + 1), z'' at u' = 0 its last column, and torques (N, m) of the wheels.
 
@@ -342,17 +342,17 @@ def rates_of_change(tree: Records, vectors: Vectors, q: Array, u: Array) -> tupl
     return out, torques
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _row(x: Array, j: int) -> Triple:  # a view of it would cost more than what it is for
     return x[j, 0], x[j, 1], x[j, 2]
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _put_column(Z: Array, column: int, a: Triple) -> None:
     Z[0, column], Z[1, column], Z[2, column] = a
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _kinematics(tree: Records, q: Array, u: Array) -> BodyKinematics:
     rates, qd = np.zeros((len(q), 3 + u.shape[1])), np.empty(q.shape)
     for s in range(len(u)):

@@ -46,7 +46,7 @@ and of the reference velocity."""
 _ZERO = (0.0, 0.0, 0.0)
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def fill_slotine_li(
     machine: Regression, q: Array, V: Array, Vr: Array, Ar: Array, Y: Array
 ) -> None:
@@ -92,7 +92,7 @@ def fill_slotine_li(
                     add_rows(tree, i, links, column + 3 * m + j, _ZERO, g, Y)
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def add_uniform_acceleration(machine: Regression, a: Triple, Y: Array) -> None:
     """Add to Y_SL, just filled, what a further linear acceleration of the base makes of it."""
     tree, _, links, _ = machine
@@ -103,7 +103,7 @@ def add_uniform_acceleration(machine: Regression, a: Triple, Y: Array) -> None:
             add_rows(tree, i, links, 10 * k + j, rotate(R, f), rotate(R, g), Y)
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def fill_momentum(machine: Regression, q: Array, V: Array, Yp: Array, Yc: Array) -> None:
     """Write the momentum regressors: Yp pi = M V, wheels included, and Yc pi = C^T V.
 
@@ -135,7 +135,7 @@ def fill_momentum(machine: Regression, q: Array, V: Array, Yp: Array, Yc: Array)
                     _set_momentum(tree, i, links, column + 3 * m + j, _ZERO, g, (Yp, Yc))
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _accelerate(body: Any, parent: Any, own: Any, acceleration: Array) -> None:
     """A link's acceleration, the parent's known."""
     if body.number == 0:
@@ -146,7 +146,7 @@ def _accelerate(body: Any, parent: Any, own: Any, acceleration: Array) -> None:
         own.acceleration[a] += own.subspace[a] * acceleration[5 + body.number]
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def momentum_column(j: int, v: Triple, w: Triple) -> tuple[Triple, Triple]:
     """Column j of W: force and moment parts of the momentum by m, m c (3), Ixx, Ixy, Iyy, ..."""
     if j == 0:
@@ -166,7 +166,7 @@ def momentum_column(j: int, v: Triple, w: Triple) -> tuple[Triple, Triple]:
     return _ZERO, (0.0, 0.0, w[2])
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def add_rows(
     tree: Records, i: int, links: Records, column: int, f: Triple, g: Triple, Y: Array
 ) -> None:
@@ -183,7 +183,7 @@ def add_rows(
         Y[3 + a, column] += g[a]
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _set_momentum(
     tree: Records, i: int, links: Records, column: int, f: Triple, g: Triple, Y: Any
 ) -> None:
@@ -203,7 +203,7 @@ def _set_momentum(
         Yc[a, column], Yc[3 + a, column] = -force[a], -torque[a]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def momentum_map(machine: Regression, q: Array, V: Array, pi: Array, P: Array) -> float:
     """Write P (3, 6 + n) of the linear momentum P V in base coordinates; returns the total mass.
 
@@ -225,7 +225,7 @@ def momentum_map(machine: Regression, q: Array, V: Array, pi: Array, P: Array) -
     return root.mass
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def rest_centre(P: Array, V: Array) -> None:
     """Give V (6 + n,) the base velocity at which the linear momentum P V is zero."""
     for a in range(3):
@@ -235,7 +235,7 @@ def rest_centre(P: Array, V: Array) -> None:
         V[a] = -total / P[0, 0]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def fill_resting_momentum(
     machine: Regression, q: Array, V: Array, pi: Array, P: Array, Y: Any
 ) -> None:
@@ -279,7 +279,7 @@ def fill_resting_momentum(
     Yp[:3], Yc[:3] = 0.0, 0.0
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _slope_by_velocity(own: Any) -> Triple:
     """Derivative of a joint's row of C^T V by the base's velocity, from composites."""
     linear, angular = get6(own.swept)

@@ -21,7 +21,7 @@ from .spatial import add, cross, dot, get, get6, plus, power, put, put6, rotate,
 from .tree import LINK, PRISMATIC, Records
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def crba(tree: Records, kinematics: BodyKinematics) -> Array:
     """(N, 6 + n, 6 + n) mass matrices of [base; joints], motors included.
 
@@ -39,7 +39,7 @@ def crba(tree: Records, kinematics: BodyKinematics) -> Array:
     return out
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def place_links(rotations: Array, origins: Array, links: Records) -> None:
     """Write one state's rotations (n + 1, 3, 3) and origins (n + 1, 3)."""
     for k in range(len(links)):
@@ -48,7 +48,7 @@ def place_links(rotations: Array, origins: Array, links: Records) -> None:
             put(links[k].rotation[a], 0, get(rotations[k, a], 0))
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def place_inertias(tree: Records, links: Records) -> None:
     """Write mass, moment and tensor of every body alone, and the joint's screw S, of placed links.
 
@@ -75,7 +75,7 @@ def place_inertias(tree: Records, links: Records) -> None:
             )
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def compose(tree: Records, links: Records) -> None:
     """Add mass, moment and tensor of every part of the tree to the one that bears it."""
     for i in range(len(tree) - 1, 0, -1):
@@ -87,14 +87,14 @@ def compose(tree: Records, links: Records) -> None:
                 parent.tensor[a, b] += own.tensor[a, b]
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def apply_inertia(own: Any, v: Triple, w: Triple) -> tuple[Triple, Triple]:
     """I [v; w] with a link's mass, moment and tensor."""
     r = get(own.moment, 0)
     return plus(times(own.mass, v), cross(w, r)), plus(cross(r, v), rotate(own.tensor, w))
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def mass_matrix(tree: Records, links: Records, M: Array) -> None:
     """Write the mass matrix (6 + n, 6 + n), which is zero where joints share no chain."""
     held = np.zeros(6)

@@ -39,7 +39,7 @@ class BodyKinematics(NamedTuple):
     drifts: Array
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def propagate(tree: Records, q: Array, rates: Array, qd: Array, links: Records) -> None:
     """One state: rotation, origin, offset d, subspace S, velocity V and drift c of every link.
 
@@ -65,7 +65,7 @@ def propagate(tree: Records, q: Array, rates: Array, qd: Array, links: Records) 
         _move(own, parent, rates[5 + body.number], qd[body.number - 1])
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _place(body: Any, own: Any, parent: Any, q: float) -> None:
     slides = body.kind == PRISMATIC
     sine, versine = (0.0, 0.0) if slides else (math.sin(q), 1.0 - math.cos(q))
@@ -90,7 +90,7 @@ def _place(body: Any, own: Any, parent: Any, q: float) -> None:
     put6(own.subspace, axis if slides else rest, rest if slides else axis)
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _move(own: Any, parent: Any, rate: float, qd: float) -> None:
     s_v, s_w = get6(own.subspace)
     v, w = shifted(parent.velocity, own.offset)
@@ -99,21 +99,21 @@ def _move(own: Any, parent: Any, rate: float, qd: float) -> None:
     put6(own.drift, times(qd, turned), times(qd, spun))
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def shifted(motion: Array, d: Array) -> tuple[Triple, Triple]:
     """X of a motion (6,): the same motion at an origin further by d (3,)."""
     v, w = get6(motion)
     return plus(v, cross(w, get(d, 0))), w
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def accelerate(own: Any, parent: Any) -> None:
     """Write a link's acceleration but for its own joint's."""
     a, u = shifted(parent.acceleration, own.offset)
     put6(own.acceleration, plus(a, get(own.drift, 0)), plus(u, get(own.drift, 3)))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def forward_kinematics(tree: Records, q: Array, rates: Array, qd: Array) -> BodyKinematics:
     """Places, velocities and drifts of all bodies.
 
@@ -143,7 +143,7 @@ def forward_kinematics(tree: Records, q: Array, rates: Array, qd: Array) -> Body
     return BodyKinematics(rotations, origins, twists, drifts)
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def body_accelerations(tree: Records, kinematics: BodyKinematics, acceleration: Array) -> Array:
     """Accelerations of all bodies in their own frames.
 
@@ -178,7 +178,7 @@ def body_accelerations(tree: Records, kinematics: BodyKinematics, acceleration: 
     return out
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def way(origins: Array, body: int, parent: int) -> Triple:
     """From the parent's origin to the body's."""
     return plus(get(origins[body], 0), times(-1.0, get(origins[parent], 0)))

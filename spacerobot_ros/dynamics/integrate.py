@@ -22,7 +22,7 @@ from .equations import Dynamics
 from .tableaus import DOP853, Tableau
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def stages(
     machine: RobotRecords,
     inputs: tuple[Array, Array],

@@ -31,7 +31,7 @@ class ReducedEquation:
     c: Array
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def equation_of_motion(
     trees: tuple[Records, Records], q: Array, rates: Array, acceleration: Array
 ) -> Array:
@@ -59,7 +59,7 @@ def equation_of_motion(
     return out
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def eliminate(equation: Array, count: int) -> bool:
     """Eliminate the first accelerations, which nothing drives, in place.
 

@@ -23,7 +23,7 @@ from .spatial import add6, cross, dot, get, get6, plus, put6, rotate, rotate_bac
 from .tree import FREE, PRISMATIC, Records
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def rnea(tree: Records, kinematics: BodyKinematics, accelerations: Array, qdd: Array) -> Array:
     """Generalized forces that a motion needs.
 
@@ -63,7 +63,7 @@ def rnea(tree: Records, kinematics: BodyKinematics, accelerations: Array, qdd: A
     return out
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def inertia_supports(tree: Records) -> tuple[BoolArray, BoolArray]:
     """Which records have inertia or wheels, and which bodies, by number, support any."""
     has_inertia, supports = np.zeros(len(tree), np.bool_), np.zeros(len(tree), np.bool_)
@@ -77,7 +77,7 @@ def inertia_supports(tree: Records) -> tuple[BoolArray, BoolArray]:
     return has_inertia, supports
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def body_wrench(body: Any, twist: Array, acceleration: Array, g: Triple) -> tuple[Triple, Triple]:
     """Force and torque f that a body needs at its origin, in its frame."""
     phi, v, w = body.inertial, get(twist, 0), get(twist, 3)
@@ -90,7 +90,7 @@ def body_wrench(body: Any, twist: Array, acceleration: Array, g: Triple) -> tupl
     return force, plus(torque, plus(cross(w, momentum), cross(v, p)))
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def inertia_times(phi: Array, w: Triple) -> Triple:
     """Rotational inertia of ten parameters times w."""
     return (
@@ -100,7 +100,7 @@ def inertia_times(phi: Array, w: Triple) -> Triple:
     )
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def generalized_force(
     tree: Records, body: int, kinematics: BodyKinematics, wrenches: Array
 ) -> Array:
@@ -131,7 +131,7 @@ def generalized_force(
     return out
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def along_axis(body: Any, R: Array, force: Triple, torque: Triple) -> float:
     """What a joint feels of a wrench at its body's origin, base coordinates."""
     return dot(rotate(R, get(body.axis, 0)), force if body.kind == PRISMATIC else torque)

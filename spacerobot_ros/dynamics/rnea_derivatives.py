@@ -55,7 +55,7 @@ def acceleration_derivatives(
     return -inverse @ by_q, -inverse @ by_v, inverse
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def rnea_derivatives(
     tree: Records, kinematics: BodyKinematics, accelerations: Array
 ) -> tuple[Array, Array]:
@@ -94,7 +94,7 @@ def rnea_derivatives(
     return by_q, by_v
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _set_motion(own: Any, motion: Array, out: Array) -> None:
     """Write a motion of a body's frame, given in it, about the base's origin."""
     v, w = get6(motion)
@@ -102,7 +102,7 @@ def _set_motion(own: Any, motion: Array, out: Array) -> None:
     put6(out, *shifted(out, own.offset))
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _set_directions(own: Any, parent: Any) -> None:
     """psi', psi'' and psi' + S' of a joint."""
     S = get6(own.screw)
@@ -113,7 +113,7 @@ def _set_directions(own: Any, parent: Any) -> None:
     add6(own.swept, *get6(own.psi))
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _set_forces(body: Any, own: Any) -> None:
     """F and, a column a row, 2 B of a body alone."""
     V = own.velocity
@@ -129,7 +129,7 @@ def _set_forces(body: Any, own: Any) -> None:
         add6(own.turning[b], *force_cross(_AXES[b], p, h))
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _compose_forces(tree: Records, links: Records) -> None:
     """Add f and 2 B of every part of the tree to the one that bears it."""
     for i in range(len(tree) - 1, 0, -1):
@@ -139,7 +139,7 @@ def _compose_forces(tree: Records, links: Records) -> None:
             add6(parent.turning[b], *get6(own.turning[b]))
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _weigh(own: Any, once: Array, twice: Array, out: Array) -> None:
     """Write I once + 2 B twice of a composite."""
     put6(out, *apply_inertia(own, *get6(once)))
@@ -148,7 +148,7 @@ def _weigh(own: Any, once: Array, twice: Array, out: Array) -> None:
             out[a] += own.turning[b, a] * twice[b]
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _base_columns(root: Any, D: Array) -> None:
     """Columns of the base's rates, in its own rows."""
     for b in range(6):
@@ -158,7 +158,7 @@ def _base_columns(root: Any, D: Array) -> None:
             D[a, b] = root.bias[a]
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _joint_columns(j: int, tree: Records, links: Records, Q: Array, D: Array) -> None:
     """Columns of joint j, in its own row and those of all that bear it."""
     own, column = links[tree[j].number], 5 + tree[j].number
@@ -176,7 +176,7 @@ def _joint_columns(j: int, tree: Records, links: Records, Q: Array, D: Array) ->
             at = tree[i].parent
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _joint_rows(j: int, tree: Records, links: Records, Q: Array, D: Array) -> None:
     """The row of joint j by the joints that bear it and by the base, S . I and S . 2 B first."""
     own, row = links[tree[j].number], 5 + tree[j].number

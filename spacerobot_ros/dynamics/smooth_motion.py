@@ -160,7 +160,7 @@ class SmoothMotion:
         return 0.01 * size / speed if speed > 0.0 else 1e-3
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def error_norm(
     slopes: Array, before: Array, after: Array, dt: float, tolerance: tuple[float, float]
 ) -> float:

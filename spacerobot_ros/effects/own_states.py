@@ -40,7 +40,7 @@ def driven_states(rate: Callable[[Array], Array], time: Array, size: int) -> Arr
     return np.asarray(_propagated(_affine_exponential(block / 2.0**halvings, halvings)))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def _affine_exponential(block: Array, halvings: int) -> Array:
     """(N, size, size + 1): [P, p] of exp of [[A, b], [0, 0]] = [[P, p], [0, 1]].
 
@@ -73,7 +73,7 @@ def _affine_exponential(block: Array, halvings: int) -> Array:
     return block
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _product(x: Array, y: Array, out: Array) -> None:
     """[A, b] of the product of [[A, b], [0, 0]] with another such matrix."""
     size = len(x)
@@ -85,7 +85,7 @@ def _product(x: Array, y: Array, out: Array) -> None:
             out[i, j] = total
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _solve(matrix: Array, x: Array) -> None:
     """Solve in place, without exchange of rows: the matrix is close to 1."""
     size = len(matrix)
@@ -104,7 +104,7 @@ def _solve(matrix: Array, x: Array) -> None:
             x[i, j] = total / matrix[i, i]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def _propagated(steps: Array) -> Array:
     """(N, size) states from zero through N - 1 affine maps (N - 1, size, size + 1)."""
     count, size = steps.shape[0], steps.shape[1]

@@ -79,7 +79,7 @@ def _values(parameter: Parameter, argument: Array) -> Array:
     return np.linspace(low, high, count)
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def _power(values: Array, argument: Array, signals: Array) -> Array:
     """(P,) sum of |sum_t signals e^(i p u)|^2 at even steps of p, turned from each to the next."""
     power = np.zeros(len(values))

@@ -186,7 +186,7 @@ def steps_for(law: TrackingLaw, duration: float) -> int:
     return max(40, math.ceil(duration * law.bandwidth * 8.0))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def _rates(trees: Records, links: Records, x: Array, tau: Array, out: Array) -> None:
     """Write (R, 13 + 2 m) rates of R machines: tree (m + 1,), state and torques (m,) of each."""
     wrench = np.zeros((1, 6))

@@ -28,7 +28,7 @@ from ...types import Array
 _SMALL = 1e-9  # half angle below which its sine is itself
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def attitude_reference(
     attitude: Array, target: Array, omega: Triple, bandwidth: float
 ) -> tuple[Triple, float, Triple, Triple]:
@@ -61,7 +61,7 @@ def attitude_reference(
     return eps, scalar, rate, plus(feed_rate, times(bandwidth, eps_rate))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def reference_motion(
     state: Array, target: Array, bandwidths: Array, rates: Array, motion: Array, error: Array
 ) -> None:
@@ -100,7 +100,7 @@ def reference_motion(
                 Ar[6 + j] = 0.0
 
 
-@summed  # type: ignore[untyped-decorator]
+@summed
 def command(
     machine: Regression,
     q: Array,
@@ -152,7 +152,7 @@ def command(
         Vr[i] += period * Ar[i]
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _rate_feedback(K: Array, rate: float, P: Array, V: Array, Vr: Array, u: Array) -> None:
     """Write u = K_D sigma, K_D = K + rate P^T P."""
     a = (0.0, 0.0, 0.0)
@@ -164,7 +164,7 @@ def _rate_feedback(K: Array, rate: float, P: Array, V: Array, Vr: Array, u: Arra
             u[i] += K[i, j] * (Vr[j] - V[j])
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def into_base(attitude: Array, a: Array) -> tuple[float, float, float]:
     """A vector (3,) of the inertial frame in base coordinates."""
     eps = (-attitude[0], -attitude[1], -attitude[2])

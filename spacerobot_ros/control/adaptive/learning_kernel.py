@@ -23,7 +23,7 @@ from ...types import Array
 _SAMPLED = 0.2  # part of the stability limit that a gradient step may take
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def filter_step(rate: float, h: float, u: Array, now: Any, before: Any, filtered: Any) -> None:
     """Advance both stages over h [s] under the torques u (N,).
 
@@ -52,7 +52,7 @@ def filter_step(rate: float, h: float, u: Array, now: Any, before: Any, filtered
             Yc_before[i, j] = Yc[i, j]
 
 
-@summed  # type: ignore[untyped-decorator]
+@summed
 def least_squares_step(
     F: Array, T: Array, variances: Array, G: Array, pi: Array, scratch: tuple[Array, Array, Array]
 ) -> float:
@@ -88,7 +88,7 @@ def least_squares_step(
     return excitation
 
 
-@summed  # type: ignore[untyped-decorator]
+@summed
 def _inner(a: Array, b: Array) -> float:
     """Dot product; the order of the sum is free, so that it runs on vector units."""
     total = 0.0
@@ -97,7 +97,7 @@ def _inner(a: Array, b: Array) -> float:
     return total
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _spread(f: Array, G: Array, pi: Array, out: Array) -> float:
     """Write f G (p,); returns f . pi."""
     out[:] = 0.0
@@ -108,7 +108,7 @@ def _spread(f: Array, G: Array, pi: Array, out: Array) -> float:
     return _inner(f, pi)
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _shrink(G: Array, B: Array) -> None:
     """G (p, p) <- G - B^T B, symmetric to the last bit."""
     for k in range(len(G)):
@@ -121,7 +121,7 @@ def _shrink(G: Array, B: Array) -> None:
             G[j, k] = G[k, j]
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _whiten(S: Array, B: Array, z: Array) -> None:
     """Turn B (N, p) and z (N,) into L^-1 B and L^-1 z, S = L L^T; S keeps L."""
     for i in range(len(z)):
@@ -143,7 +143,7 @@ def _whiten(S: Array, B: Array, z: Array) -> None:
         z[i] /= S[i, i]
 
 
-@summed  # type: ignore[untyped-decorator]
+@summed
 def sampled_step(step: float, W: Array, Y: Array, G: Array, width: int) -> float:
     r"""Gain times period of the gradient, as far as held torques allow.
 
@@ -180,7 +180,7 @@ def sampled_step(step: float, W: Array, Y: Array, G: Array, width: int) -> float
     return step if step * trace <= _SAMPLED else _SAMPLED / trace
 
 
-@summed  # type: ignore[untyped-decorator]
+@summed
 def descend(step: float, G: Array, width: int, slope: Array, pi: Array) -> None:
     """Pi (p,) <- pi + step G slope, G (p, p) symmetric with blocks along the diagonal."""
     for k in range(len(slope)):
@@ -191,7 +191,7 @@ def descend(step: float, G: Array, width: int, slope: Array, pi: Array) -> None:
                 pi[j] += size * G[k, j]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def is_within(V: Array, limits: Array) -> bool:
     """Whether the rates in V (6 + n,), all but the base's velocity, lie within their limits."""
     beyond = 0
@@ -200,7 +200,7 @@ def is_within(V: Array, limits: Array) -> bool:
     return beyond == 0
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def has_moved(q: Array, before: Array, most: float) -> bool:
     """Whether one of the joints (n,) is further than that from where it was before."""
     beyond = 0

@@ -32,7 +32,7 @@ def body_scales(parameters: Array) -> Array:
     return scales
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def fill_pseudo_inertia(pi: Array, body: int, scale: Array, P: Array) -> None:
     """Write d P d (4, 4) of a body's ten entries of pi (p,)."""
     m = pi[10 * body : 10 * body + 10]
@@ -46,7 +46,7 @@ def fill_pseudo_inertia(pi: Array, body: int, scale: Array, P: Array) -> None:
             P[j, i] = P[i, j]
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _factor(P: Array, margin: float, C: Array) -> bool:
     """Write C (4, 4), lower, with C C^T = P - margin 1; False where that is not positive."""
     for j in range(4):
@@ -65,7 +65,7 @@ def _factor(P: Array, margin: float, C: Array) -> bool:
     return True
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def is_physical(pi: Array, scales: Array, margin: float = 0.0) -> bool:
     """Whether every massive body's pseudo-inertia in pi (p,) is positive definite."""
     P, C = np.empty((4, 4)), np.empty((4, 4))
@@ -77,7 +77,7 @@ def is_physical(pi: Array, scales: Array, margin: float = 0.0) -> bool:
     return True
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def project(pi: Array, G: Array, scales: Array, anchor: Array) -> bool:
     """Move parameters onto physical bodies, in the metric of the information G^-1.
 
@@ -113,7 +113,7 @@ def project(pi: Array, G: Array, scales: Array, anchor: Array) -> bool:
     return True
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _raise_eigenvalues(pi: Array, G: Array, scale: Array, body: int, P: Array) -> None:
     """Raise every eigenvalue of one body's P that lies below the margin."""
     values, vectors = np.linalg.eigh(P)
@@ -139,7 +139,7 @@ def _raise_eigenvalues(pi: Array, G: Array, scale: Array, body: int, P: Array) -
                 pi[m] += direction[m] * ((2.0 * _MARGIN - value) / reach)
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def natural_step(pi: Array, slope: Array, steps: Array, scales: Array) -> None:
     """Gradient step on the manifold of physical bodies: P <- P exp(step L P), always physical.
 
@@ -173,7 +173,7 @@ def natural_step(pi: Array, slope: Array, steps: Array, scales: Array) -> None:
             _parameters(P, scale, pi[at])
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _slope(by_parameter: Array, scale: Array, L: Array) -> None:
     """Write L (4, 4) with tr(L dP) = by_parameter . dpi, by_parameter (10,)."""
     for i in range(4):
@@ -183,7 +183,7 @@ def _slope(by_parameter: Array, scale: Array, L: Array) -> None:
                 L[i, j] += by_parameter[k] * INVERSE[k, 4 * i + j] / (scale[i] * scale[j])
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _parameters(P: Array, scale: Array, out: Array) -> None:
     """Write the parameters (10,) of a pseudo-inertia."""
     for k in range(10):
@@ -193,7 +193,7 @@ def _parameters(P: Array, scale: Array, out: Array) -> None:
                 out[k] += INVERSE[k, 4 * i + j] * P[i, j] / (scale[i] * scale[j])
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _product(A: Array, B: Array, out: Array) -> None:
     """Write A B, (4, 4) each."""
     for i in range(4):

@@ -47,7 +47,7 @@ def momentum_forces(motion: Motion, robot: Robot) -> Array:
     return np.stack(columns, axis=2) if columns else np.zeros((len(motion), 6 + robot.n_joints, 0))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def constant_pass(values: Array, columns: Array, mean: Array, covariance: Array) -> Array:
     """Whitened innovations of C columns where p constants are estimated along.
 

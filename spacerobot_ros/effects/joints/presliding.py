@@ -83,7 +83,7 @@ class PreslidingFriction(JointEffect):
         )
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def _mobilised(way: Array, elastic: float) -> Array:
     """(N,) z from zero over ways (N - 1,), each in one direction, by the displacement."""
     z = np.zeros(len(way) + 1)

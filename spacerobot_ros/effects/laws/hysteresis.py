@@ -27,7 +27,7 @@ def followed(q: Array, displacement: float, *, is_dahl: bool, start: float = 0.0
     return np.asarray(_followed(np.diff(q) / displacement, start, is_dahl))
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def _followed(way: Array, start: float, is_dahl: bool) -> Array:
     z = np.full(len(way) + 1, start)
     for k in range(len(way)):

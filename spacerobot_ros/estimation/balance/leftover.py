@@ -122,7 +122,7 @@ def with_unit_shapes(observed: Array) -> Array:
     return np.column_stack([observed[:, :2], observed[:, 2:] / np.maximum(size, _NO_SHAPE)])
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _predict(cov: Array, kept: Array, fresh: Array) -> None:
     """To the next row; of the covariance the lower triangle is kept."""
     for i in range(len(fresh)):
@@ -131,7 +131,7 @@ def _predict(cov: Array, kept: Array, fresh: Array) -> None:
         cov[i, i] += fresh[i]
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _update(cov: Array, h: Array, white: float, gain: Array) -> float:
     """Gain (7,) of a row, put into `gain`, and the variance of its innovation."""
     variance = white
@@ -149,7 +149,7 @@ def _update(cov: Array, h: Array, white: float, gain: Array) -> float:
     return variance
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def _gains(observed: Array, gap: Array, variances: Array, times: Array) -> tuple[Array, Array]:
     """Variances (M,) of innovations and gains (M, P).
 
@@ -173,7 +173,7 @@ def _gains(observed: Array, gap: Array, variances: Array, times: Array) -> tuple
     return every, gains
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def _innovations(
     values: Array, every: Array, gains: Array, observed: Array, gap: Array, times: Array
 ) -> Array:
@@ -200,14 +200,14 @@ def _innovations(
     return out
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _kept(gap: float, times: Array, decay: Array) -> None:
     """Share (P,) of every process that is left after a gap, put into `decay`."""
     for i in range(len(times)):
         decay[i] = np.exp(-gap / times[i]) if gap > 0.0 else 0.0
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _smoothed(to: Array, cov: Array, gain: Array, own: Array, through: Array) -> float:
     """U = v / F - G' r, put into `own` for v / F, and what G' cov G adds to its variance."""
     added = 0.0
@@ -221,7 +221,7 @@ def _smoothed(to: Array, cov: Array, gain: Array, own: Array, through: Array) ->
     return added
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _back(to: Array, own: Array, here: float, by: float) -> float:
     """Sum of squares of r + h u of one process, put into `to` as the row before has it."""
     square = 0.0
@@ -232,7 +232,7 @@ def _back(to: Array, own: Array, here: float, by: float) -> float:
     return square
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def _slopes(
     white: Array, every: Array, gains: Array, observed: Array, gap: Array, times: Array
 ) -> tuple[Array, Array]:
@@ -279,7 +279,7 @@ def _slopes(
     return out, inverse
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def _products(vector: Array, observed: Array, gap: Array, times: Array) -> Array:
     """(M, 8) of V_i times a vector (M,), for V_i the part of a unit variance; see `_slopes`."""
     rows, count = len(vector), len(times)

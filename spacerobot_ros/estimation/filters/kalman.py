@@ -66,7 +66,7 @@ class Gains(NamedTuple):
     end: Array
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def gains_of(model: StateSpace, start: Array) -> Gains:
     """The covariance recursion.
 
@@ -91,7 +91,7 @@ def gains_of(model: StateSpace, start: Array) -> Gains:
     return Gains(gains, stds, p)
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _step(model: StateSpace, k: int, p: Array) -> Array:
     """(d, d) covariance after a step."""
     f, noise, handed = model.transitions[k], model.noise[k], model.handed[k]
@@ -117,7 +117,7 @@ def _step(model: StateSpace, k: int, p: Array) -> Array:
     return out
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _measure(model: StateSpace, r: int, p: Array, column: Array) -> float:
     """Write p h (d,) of a row; returns h p h."""
     d, s, total = len(p), model.row_state[r], 0.0
@@ -134,7 +134,7 @@ def _measure(model: StateSpace, r: int, p: Array, column: Array) -> float:
     return total
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def whiten(
     model: StateSpace, gains: Gains, mean: Array, rates: Array, jumps: Array, measured: Array
 ) -> Array:
@@ -178,7 +178,7 @@ def whiten(
     return out
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _hand_on(handed: IntArray, before: Array, mean: Array) -> None:
     """Errors of samples (d, C) as they are along the step; `before` (e, C) is scratch."""
     errors, count = before.shape
@@ -191,7 +191,7 @@ def _hand_on(handed: IntArray, before: Array, mean: Array) -> None:
             mean[moves + i, c] = before[handed[i], c] if handed[i] >= 0 else 0.0
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _add(scale: float, rows: Array, first: int, out: Array) -> None:
     """Add rows (a, C) times a number to those of a matrix from `first` on."""
     for i in range(len(rows)):
@@ -199,7 +199,7 @@ def _add(scale: float, rows: Array, first: int, out: Array) -> None:
             out[first + i, c] += scale * rows[i, c]
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _innovate(model: StateSpace, r: int, mean: Array, measured: Array, out: Array) -> None:
     """Write the innovations (C,) of a row."""
     d, s = len(mean), model.row_state[r]
@@ -212,7 +212,7 @@ def _innovate(model: StateSpace, r: int, mean: Array, measured: Array, out: Arra
                 out[c] -= model.row_matrix[s - d, i] * mean[i, c]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def correlate(model: StateSpace, gains: Gains, weights: Array, width: int) -> Array:
     """Transpose of `whiten` by the rates: one pass backwards instead of one a column.
 
@@ -245,7 +245,7 @@ def correlate(model: StateSpace, gains: Gains, weights: Array, width: int) -> Ar
     return out
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _back(model: StateSpace, k: int, adjoint: Array) -> Array:
     """(d,) of a step, transposed."""
     f, handed = model.transitions[k], model.handed[k]

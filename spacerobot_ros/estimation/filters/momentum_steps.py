@@ -14,7 +14,7 @@ from ...types import Array
 _CHAIN = (1.0, 1.0, 0.5, 1.0 / 6.0)  # of a quartic: dt^k / k!
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def transitions_of(durations: Array, matrices: Array) -> Array:
     """(N-1, d, d) as those of `linear_steps.Steps`, of which only three rows are no polynomial.
 
@@ -45,7 +45,7 @@ def transitions_of(durations: Array, matrices: Array) -> Array:
     return out
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _solve(matrix: Array, right: Array) -> None:
     """Solve (1 + M) x = b (3, d) in place of both; turns within a step are far below pi."""
     for i in range(3):
@@ -63,7 +63,7 @@ def _solve(matrix: Array, right: Array) -> None:
             right[i, c] /= matrix[i, i]
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _exponent(dt: float, early: Array, late: Array, n: int, out: Array) -> None:
     """Write the rows [a, b] (3, d) of z: Magnus' series to fourth order."""
     for i in range(3):
@@ -74,7 +74,7 @@ def _exponent(dt: float, early: Array, late: Array, n: int, out: Array) -> None:
             out[i, c] = 0.5 * dt * (early[i, c] + late[i, c]) + dt * dt * turned / 12.0
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _denominator(dt: float, rows: Array, n: int, out: Array) -> None:
     """Write the rows (3, d) of D - 1 = z^2 / 12 - z / 2."""
     for i in range(3):
@@ -85,7 +85,7 @@ def _denominator(dt: float, rows: Array, n: int, out: Array) -> None:
             out[i, c] = squared / 12.0 - 0.5 * rows[i, c]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def driven_by_joints(
     durations: Array, snap: Array, slopes: Array, joints: Array
 ) -> tuple[Array, Array]:
@@ -111,7 +111,7 @@ def driven_by_joints(
     return noise, missed
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _move_joints(
     dt: float, snap: Array, early: Array, late: Array, noise: Array, missed: Array
 ) -> None:
@@ -129,7 +129,7 @@ def _move_joints(
         missed[3 + row] -= late[row]
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _move_attitude(half: float, slopes: Array, noise: Array, missed: Array) -> None:
     """Add what the joints make of the attitude, by half a step."""
     size, n = len(missed), slopes.shape[1] // 2

@@ -183,7 +183,7 @@ def _propagate_momentum(time: Array, inverse: Array, own: Array, h_B: Array) -> 
     return out
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _slope(h: Triple, maps: Array, offset: Array) -> Triple:
     """Rate of h: h x (maps h - offset)."""
     x, y, z = h
@@ -193,12 +193,12 @@ def _slope(h: Triple, maps: Array, offset: Array) -> Triple:
     return y * c - z * b, z * a - x * c, x * b - y * a
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _ahead(h: Triple, dt: float, slope: Triple) -> Triple:
     return h[0] + dt * slope[0], h[1] + dt * slope[1], h[2] + dt * slope[2]
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def _runge_kutta(
     dt: float, maps: Array, offsets: Array, mid_maps: Array, mid_offsets: Array, out: Array
 ) -> None:

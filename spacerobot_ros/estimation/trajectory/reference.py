@@ -231,7 +231,7 @@ def accumulated_rotation(
     return scipy.spatial.transform.Rotation.from_quat(out)
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def _multiply(steps: Array, out: Array) -> None:
     """Products (N + 1, 4) of the first quaternion with ever more of the others (N, 4), xyzw.
 

@@ -24,7 +24,7 @@ class Coefficients(NamedTuple):
     chi2: float
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def rows_of(
     time: Array, is_derivative: Array, knots: Array, degree: int
 ) -> tuple[IntArray, Array]:
@@ -58,7 +58,7 @@ def rows_of(
     return first, rows
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def fitted(first: IntArray, rows: Array, values: Array, count: int) -> Coefficients:
     """Least-squares coefficients of values, once refined.
 
@@ -92,7 +92,7 @@ def fitted(first: IntArray, rows: Array, values: Array, count: int) -> Coefficie
     return Coefficients(found, _misfit(first, rows, values, found, more))
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _misfit(first: IntArray, rows: Array, values: Array, coefficients: Array, out: Array) -> float:
     """Add the transposed rows times what is left of the values to out (c, m); its squares' sum."""
     total = 0.0
@@ -107,7 +107,7 @@ def _misfit(first: IntArray, rows: Array, values: Array, coefficients: Array, ou
     return total
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _factor(band: Array) -> None:
     """Cholesky's factor of a normal matrix in place, with a ridge; band[i, d] is entry i, i-d."""
     count, width = band.shape
@@ -124,7 +124,7 @@ def _factor(band: Array) -> None:
             band[i, d] = np.sqrt(total) if d == 0 else total / band[j, 0]
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _solve(factor: Array, right: Array) -> None:
     """Solve with a factor from `_factor`, in place of right (c, m)."""
     count, width = factor.shape

@@ -39,7 +39,7 @@ def off_neighbours(
     return error, NORMAL * differ
 
 
-@compiled  # type: ignore[untyped-decorator]
+@compiled
 def _off_neighbours(
     time: Array, values: Array, good: Array, far: float, stencils: Stencils
 ) -> tuple[Array, Array]:
@@ -66,7 +66,7 @@ def _off_neighbours(
     return error, differ
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _weigh(time: Array, n: int, stencil: tuple[int, ...], far: float, weights: Array) -> float:
     """Write weights of a polynomial through neighbours; returns the spread of its error, or -1."""
     for i in range(len(stencil)):
@@ -80,7 +80,7 @@ def _weigh(time: Array, n: int, stencil: tuple[int, ...], far: float, weights: A
     return np.sqrt(squares)
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _lagrange(time: Array, n: int, stencil: tuple[int, ...], i: int) -> float:
     """A neighbour's polynomial at a sample."""
     if stencil[i] == 0:
@@ -93,7 +93,7 @@ def _lagrange(time: Array, n: int, stencil: tuple[int, ...], i: int) -> float:
     return out
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _error(
     values: Array,
     good: Array,
@@ -113,7 +113,7 @@ def _error(
     return values[n, column] - predicted
 
 
-@inner  # type: ignore[untyped-decorator]
+@inner
 def _median(numbers: Array, in_order: Array) -> float:
     """Median of some numbers without NaN, put in order; NaN of none."""
     count = 0
