@@ -198,7 +198,7 @@ def _errors(answer: Findings) -> Iterator[Item]:
         )
     for kind, group in groupby(diagnosis.series, key=lambda s: s.channel.split('/')[0]):
         panels = partial(curves.error_panels, list(group), curves.spans(diagnosis))
-        yield Plot(panels, words.errors or _KINDS.get(kind, kind), words.time, height=160)
+        yield Plot(panels, words.errors or _KINDS.get(kind, kind), words.time, height=180)
     sampled = [s for s in diagnosis.series if len(s.measured) >= _FEWEST]
     if sampled and diagnosis.method == 'prediction':
         caption = 'Spectra of the errors that stand out most; dashed: the noise floor.'

@@ -76,6 +76,7 @@ const spacerobot = (() => {
     const fine = (u, values) => values.map((v) => (v == null ? '' : `${+v.toPrecision(6)}`));
     const powers = (u, values) => values.map((v) => (v == null ? ''
       : Number.isInteger(v) ? `1e${v}` : `${+(10 ** v).toPrecision(2)}`));
+    const upright = { size: 66, space: 24 };
     const size = () => ({ width: Math.max(place.clientWidth, 200), height: options.height || 240 });
     const u = new uPlot({
       ...size(),
@@ -83,9 +84,9 @@ const spacerobot = (() => {
       cursor: { sync: { key: sync }, drag: { x: true, y: false } },
       legend: { markers: { dash: (of, k) => MARKERS[DASHES.indexOf(series[k].dash)] || 'dashed' } },
       scales: { x: { time: false } },
-      axes: [axis(options.is_last === false ? '' : panel.abscissa, { values: fine }),
-        axis(`[${panel.unit}]`, panel.log ? { size: 66, values: powers, incrs: [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50] }
-          : { size: 66, values: fine })],
+      axes: [axis(options.is_last === false ? '' : panel.abscissa, { size: 34, values: fine }),
+        axis(`[${panel.unit}]`, panel.log ? { ...upright, values: powers, incrs: [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50] }
+          : { ...upright, values: fine })],
       series, bands,
       hooks: { drawClear: [shade], draw: options.draw || [], ready: [pinches] },
     }, data, place);
