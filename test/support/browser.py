@@ -91,6 +91,18 @@ class Browser:
             raise AssertionError(json.dumps(answer['exceptionDetails'])[:600])
         return answer['result'].get('value')
 
+    def on_paper(self, width: int, expression: str) -> Any:
+        """Value of an expression where the page is laid out for print, so many pixels wide."""
+        metrics = {'width': width, 'height': 900, 'deviceScaleFactor': 1, 'mobile': False}
+        self._ask('Emulation.setDeviceMetricsOverride', **metrics)
+        self._ask('Emulation.setEmulatedMedia', media='print')
+        found = self.ask(
+            'new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))'
+            f'.then(() => ({expression}))'
+        )
+        self._ask('Emulation.setEmulatedMedia', media='')
+        return found
+
     def drag(self, *places: tuple[float, float]) -> None:
         """Move the mouse along places of the window, the button held between first and last."""
         for k, (x, y) in enumerate(places):
