@@ -105,18 +105,21 @@ def test_curves_bands_levels_and_spans_are_drawn(page, browser):
 
 @needs_chromium
 def test_paper_shows_whole_charts_in_light_colors(page, browser):
-    browser.open(page, 1200, 'dark', 'print')
-    count, widest, ink = browser.ask("""(() => {
-        document.body.style.width = '700px';  // as a sheet: nothing draws anew for it
+    browser.open(page, 1200, 'dark')
+    browser.ask("""matchMedia('print').addEventListener('change', ({ matches }) => {
+        if (!matches) return;
+        document.body.style.width = '700px';
         const charts = [...document.querySelectorAll('.live canvas')], [{ height }] = charts;
         const { data } = charts[0].getContext('2d').getImageData(0, 0, 80, height);
         const words = data.filter((_, k) => k % 4 === 0 && data[k + 3] === 255);
         const edges = charts.map((chart) => chart.getBoundingClientRect().right);
-        return [charts.length, Math.max(...edges), Math.min(...words)];
-    })()""")
+        window.seen = [charts.length, Math.max(...edges), Math.min(...words)];
+    })""")
+    assert browser.print().startswith(b'%PDF')
+    count, widest, ink = browser.ask('seen')
     assert count == 3
     assert widest <= 700
-    assert ink < 60
+    assert ink == 0x1C  # of --ink in the light
 
 
 @needs_chromium

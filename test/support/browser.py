@@ -66,15 +66,13 @@ class Browser:
         os.close(self._read)
         self._profile.cleanup()
 
-    def open(
-        self, path: Path, width: int = 1200, scheme: str = 'light', media: str = 'screen'
-    ) -> None:
-        """Load a page and wait until its scripts have run, and it is as a medium shows it."""
+    def open(self, path: Path, width: int = 1200, scheme: str = 'light') -> None:
+        """Load a page and wait until its scripts have run."""
         self.errors.clear()
         metrics = {'width': width, 'height': 900, 'deviceScaleFactor': 1, 'mobile': width < 600}
         self._ask('Emulation.setDeviceMetricsOverride', **metrics)
         features = [{'name': 'prefers-color-scheme', 'value': scheme}]
-        self._ask('Emulation.setEmulatedMedia', media='screen', features=features)
+        self._ask('Emulation.setEmulatedMedia', features=features)
         self._ask('Page.navigate', url=path.resolve().as_uri())
         self.ask(
             'new Promise((done) => {'
@@ -83,9 +81,6 @@ class Browser:
             " else addEventListener('load', ready);"
             '}).then(() => location.href)'
         )
-        if media != 'screen':
-            self._ask('Emulation.setEmulatedMedia', media=media, features=features)
-            self.ask('new Promise((done) => requestAnimationFrame(() => done(0)))')
 
     def ask(self, expression: str) -> Any:
         """Value of a JavaScript expression, awaited where it is a promise."""
@@ -116,6 +111,10 @@ class Browser:
         clip = {**{key: box[key] for key in ('x', 'y', 'width', 'height')}, 'scale': 1}
         shot = self._ask('Page.captureScreenshot', format='png', clip=clip)
         path.write_bytes(base64.b64decode(shot['data']))
+
+    def print(self) -> bytes:
+        """The page as PDF."""
+        return base64.b64decode(self._ask('Page.printToPDF')['data'])
 
     def _ask(self, method: str, **params: Any) -> dict[str, Any]:
         self._count += 1
