@@ -144,26 +144,22 @@ def shown(sweeps: dict[str, list[dict]]) -> list:
     return out
 
 
-def drawn(sweeps: dict[str, list[dict]]) -> str:
+def draw(sweeps: dict[str, list[dict]], path: Path) -> None:
     """Time and memory against the length of the record."""
-    import numpy as np
+    from matplotlib import pyplot as plt
 
-    from spacerobot_ros.display import Curve, Panel
-    from spacerobot_ros.report.plots import plot
-
-    panels = []
-    for title, unit, key in (('processor time', 's', 'cpu_s'), ('memory', 'MB', 'more_mb')):
-        curves = [
-            Curve(
-                what.split(' [')[0],
-                np.array([row['duration'] for row in rows]),
-                np.array([row[key] for row in rows]),
-            )
-            for what, rows in sweeps.items()
-            if 'length' in what
-        ]
-        panels.append(Panel(title, unit, curves))
-    return plot(panels, abscissa='length of the record [s]')
+    plt.style.use(Path(__file__).parents[1] / 'docs' / 'images' / 'figures.mplstyle')
+    figure, axes = plt.subplots(2, 1, sharex=True, figsize=(8.0, 5.0), layout='constrained')
+    shown = (('processor time', 's', 'cpu_s'), ('memory', 'MB', 'more_mb'))
+    for ax, (title, unit, key) in zip(axes, shown, strict=True):
+        for what, rows in sweeps.items():
+            if 'length' in what:
+                times = [row['duration'] for row in rows]
+                ax.plot(times, [row[key] for row in rows], label=what.split(' [')[0])
+        ax.set(title=title, ylabel=f'[{unit}]')
+        ax.legend(loc='lower right', bbox_to_anchor=(1.0, 0.98), ncols=2)
+    axes[-1].set_xlabel('length of the record [s]')
+    figure.savefig(path, metadata={'Date': None})
 
 
 def sweep() -> dict[str, list[dict]]:
@@ -204,7 +200,7 @@ def main() -> None:
             kept.write_text(json.dumps(found), encoding='utf-8')
     print(markdown('Cost of a diagnosis', [Section('', shown(found))]))
     if args.out:
-        Path(args.out).write_text(drawn(found) + '\n', encoding='utf-8')
+        draw(found, Path(args.out))
 
 
 if __name__ == '__main__':

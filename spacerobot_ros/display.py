@@ -1,7 +1,7 @@
 """Reports as plain data: sections of key figures, text, tables and plots.
 
 Made where results are judged; rendered as a page (`report.html`), as `markdown`
-and in the terminal (`cli.terminal`); curves are drawn by `report.plots`.
+and in the terminal (`cli.terminal`); what a page draws is made by `report.plots`.
 """
 
 from __future__ import annotations
@@ -122,8 +122,8 @@ class Bars:
     abscissa: str
 
 
-Picture = str | Sequence[Panel] | Matrix | Bars
-"""What `report.plots` draws: panels over one abscissa, counts, or bars; or a drawn `<svg>`."""
+Picture = Sequence[Panel] | Matrix | Bars
+"""Panels over one abscissa, counts, or bars."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,15 +161,13 @@ class Plot:
             picture only.
         caption: What to see in it.
         abscissa: Of panels, with unit.
-        height: Of a panel where the whole is 8 wide [in].
-        file: Name under which it is kept beside the page, too; empty for none.
+        height: Of a panel [px].
     """
 
     picture: Picture | Callable[[], Picture]
     caption: str = ''
     abscissa: str = 'time [s]'
-    height: float = 2.3
-    file: str = ''
+    height: int = 240
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,18 +184,7 @@ class Replay:
     caption: str = ''
 
 
-@dataclass(frozen=True, slots=True)
-class Drawn:
-    """A plot or a replay as a page has it.
-
-    Args:
-        markup: HTML.
-    """
-
-    markup: str
-
-
-Figure = Plot | Replay | Drawn
+Figure = Plot | Replay
 Item = str | KeyFigures | Table | Figure
 """A text is a paragraph."""
 

@@ -9,12 +9,10 @@ from pathlib import Path
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
 
 import numpy as np
+from matplotlib import pyplot as plt
 
-from spacerobot_ros.demo.results import DemoRun
 from spacerobot_ros.demo.run import identify, track
-from spacerobot_ros.display import Curve, Panel
 from spacerobot_ros.effects.robot_file import load_robot_file
-from spacerobot_ros.report.plots import plot
 from spacerobot_ros.simulation.truth import true_robot
 
 HERE = Path(__file__).parent
@@ -29,32 +27,30 @@ def main() -> None:
         found = identify(file, 2, [Path(folder, 'a')], _ignore)
         known = track(file, found.estimates[-1], Path(folder, 'b'))
     no_aam = found.until(file.settings.reference.duration)
-    picture = plot([_tracking(no_aam, known), _convergence(found, truth)])
-    (HERE / 'demo.svg').write_text(picture + '\n', encoding='utf-8')
-
-
-def _tracking(no_aam: DemoRun, known: DemoRun) -> Panel:
-    curves = [
-        Curve(name, run.time[::EVERY], np.degrees(np.abs(run.error).max(axis=1))[::EVERY])
-        for name, run in (('wheels unknown', no_aam), ('wheels identified', known))
+    plt.style.use(HERE / 'figures.mplstyle')
+    figure, (tracking, identifying) = plt.subplots(2, 1, figsize=(8.0, 5.0), layout='constrained')
+    for name, run in (('wheels unknown', no_aam), ('wheels identified', known)):
+        error = np.degrees(np.abs(run.error).max(axis=1))
+        tracking.semilogy(run.time[::EVERY], error[::EVERY], label=name)
+    tracking.set(title='tracking: largest joint error', ylabel='[deg]')
+    shown = [
+        e
+        for e in found.estimates
+        if e.samples > 0 and e.stamp_ns > 0.25 * found.estimates[-1].stamp_ns
     ]
-    return Panel('tracking: largest joint error', 'deg', curves, log=True)
-
-
-def _convergence(found: DemoRun, truth: np.ndarray) -> Panel:
-    last = found.estimates[-1].stamp_ns
-    shown = [e for e in found.estimates if e.samples > 0 and e.stamp_ns > 0.25 * last]
     time = np.array([e.stamp_ns * 1e-9 for e in shown])
-    curves = [
-        Curve(
-            f'{axis} ({truth[i]:g})',
-            time,
-            np.array([e.aam[i] - truth[i] for e in shown]),
-            np.array([3.0 * e.std[i] for e in shown]),
+    for i, axis in enumerate('xyz'):
+        error = np.array([e.aam[i] - truth[i] for e in shown])
+        band = np.array([3.0 * e.std[i] for e in shown])
+        (line,) = identifying.plot(time, error, label=f'{axis} ({truth[i]:g})')
+        identifying.fill_between(
+            time, error - band, error + band, color=line.get_color(), alpha=0.18, linewidth=0
         )
-        for i, axis in enumerate('xyz')
-    ]
-    return Panel('identifying: error of the wheel momentum, 3 std', 'N m s', curves)
+    title = 'identifying: error of the wheel momentum, 3 std'
+    identifying.set(title=title, ylabel='[N m s]', xlabel='time [s]')
+    for ax in (tracking, identifying):
+        ax.legend(loc='lower right', bbox_to_anchor=(1.0, 0.98), ncols=3)
+    figure.savefig(HERE / 'demo.svg', metadata={'Date': None})
 
 
 def _ignore(done: float) -> None:

@@ -34,10 +34,9 @@ from .options import check_folder
 from .terminal import Stage, print_sections, progress
 
 if TYPE_CHECKING:
-    from ..demo.page import RunPictures
-    from ..demo.results import DemoResults, DemoRun
+    from ..demo.results import DemoResults
     from ..effects.robot_file import RobotFile
-    from ..types import Array
+    from ..simulation.replay.scene import Scene
 
 _BAGS = ('bag', 'bag_no_aam', 'bag_identified')
 
@@ -53,26 +52,31 @@ def run(args: argparse.Namespace) -> int:
     for name in _BAGS:
         check_target(out / name, overwrite=True)
     with written_whole(out) as work:  # an interrupted run leaves the results before it
-        results, pictures = _results(args, work)
+        file = _robot_file(args)
+        results = _results(args, file, work)
         from ..demo.page import demo_report, demo_summary
         from ..json_values import json_text
         from ..model.files import write_text
+        from ..recording.read import read_record
         from ..report.html import write_report
+        from ..simulation.replay.scene import scene_of
+
+        def scene() -> Scene:
+            return scene_of(read_record(work / _BAGS[0], file.robot), file)
 
         write_text(work / 'summary.json', json_text(results.summary()))
-        write_report(demo_report(results, pictures), work / 'report.html')
+        write_report(demo_report(results, scene), work / 'report.html')
     print_sections(demo_summary(results, out))
     return 0 if results.reached else 1
 
 
-def _results(args: argparse.Namespace, work: Path) -> tuple[DemoResults, RunPictures]:
-    """All runs, and pictures of the first."""
+def _results(args: argparse.Namespace, file: RobotFile, work: Path) -> DemoResults:
+    """All runs."""
     from ..demo.results import DemoResults, truth_of
     from ..demo.run import check_file, identify, track
     from ..simulation.truth import true_robot
 
     started = time.perf_counter()
-    file = _robot_file(args)
     check_file(file)
     settings = file.settings
     bags = [work / name for name in _BAGS]
@@ -83,7 +87,7 @@ def _results(args: argparse.Namespace, work: Path) -> tuple[DemoResults, RunPict
         found = identify(file, passes, bags[:2], exciting)
         tracking = _stage(bars, 'tracking with them', length)
         identified = track(file, found.estimates[-1], bags[2], tracking)
-    results = DemoResults(
+    return DemoResults(
         robot=file.robot.name,
         joints=file.robot.arm,
         seed=settings.simulator.seed,
@@ -94,17 +98,6 @@ def _results(args: argparse.Namespace, work: Path) -> tuple[DemoResults, RunPict
         bags=tuple(str(Path(args.out) / name) for name in _BAGS),
         wall=time.perf_counter() - started,
     )
-    return results, _pictures(file, found, truth, bags[0])
-
-
-def _pictures(file: RobotFile, found: DemoRun, truth: Array, bag: Path) -> RunPictures:
-    from ..demo.page import pictures_of
-    from ..recording.read import read_record
-    from ..report.html import drawn
-    from ..simulation.replay.scene import scene_of
-
-    pictures = pictures_of(found, truth, lambda: scene_of(read_record(bag, file.robot), file))
-    return {name: drawn(picture) for name, picture in pictures.items()}
 
 
 def _robot_file(args: argparse.Namespace) -> RobotFile:

@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..campaign.description import COVERAGE, EXPERIMENTS, Campaign, Check
-from ..display import GoodOrBad, KeyFigure, KeyFigures, Plot, Report, Section, Table, table_of
+from ..display import GoodOrBad, KeyFigure, KeyFigures, Report, Section, Table, table_of
 from ..errors import ConfigurationError
 from .options import (
     check_folder,
@@ -111,15 +111,11 @@ def _write(
     tables: Sequence[Section],
     folder: Path,
 ) -> Path:
-    """Write `report.html`, and plots and tables that are kept beside it; returns its path."""
+    """Write `report.html`, and tables that are kept beside it; returns its path."""
     from ..display import markdown
     from ..model.files import write_text
     from ..report.html import write_report
-    from ..report.plots import svg_of
 
-    for plot in (item for section in plots for item in section.items):
-        if isinstance(plot, Plot) and plot.file:
-            write_text(folder / plot.file, svg_of(plot) + '\n')
     if campaign.markdown:
         write_text(folder / campaign.markdown, markdown(campaign.title, tables))
     asked = Section('Figures to reach', [_key_figures(campaign, checks), _checks(checks)])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,7 +11,6 @@ import numpy as np
 
 from ..display import (
     Curve,
-    Figure,
     GoodOrBad,
     KeyFigure,
     KeyFigures,
@@ -35,32 +34,6 @@ from .results import (
 )
 
 AXES = 'xyz'
-RunPictures = Mapping[str, Figure]
-"""Pictures by what they show."""
-
-
-def pictures_of(run: DemoRun, truth: Array, scene: Callable[[], Scene]) -> RunPictures:
-    """Pictures of the run that identifies, by what they show.
-
-    Args:
-        run: The run.
-        truth: As of `DemoResults`.
-        scene: Makes the scene of its recording.
-    """
-    replay = Replay(
-        lambda: _with_found(scene(), run.estimates[-1]),
-        'A servicer has captured a satellite whose wheels still spin. Its arm moves under a '
-        'controller that knows nothing of them, while the identifier listens to the noisy '
-        'sensors. The orange ghost is where a model without them would be, beginning again from '
-        'the measured state every two seconds. Then the same motion is tracked from the same '
-        'start with what was identified.',
-    )
-    kept = 'What a closed system keeps, and what the simulated one did while it was identified.'
-    return {
-        'motion': replay,
-        **_convergence(run, truth),
-        'ledger': Plot(partial(_ledger, run), kept),
-    }
 
 
 def _with_found(scene: Scene, estimate: Estimate) -> Scene:
@@ -71,23 +44,34 @@ def _with_found(scene: Scene, estimate: Estimate) -> Scene:
     return replace(scene, arrows=(*found, *scene.arrows), marks=(*scene.marks, *words))
 
 
-def demo_report(results: DemoResults, pictures: RunPictures) -> Report:
+def demo_report(results: DemoResults, scene: Callable[[], Scene]) -> Report:
     """The page.
 
     Args:
         results: Of the demonstration.
-        pictures: Of its first run, as `pictures_of`.
+        scene: Makes the scene of the recording of the run that identifies.
     """
+    run = results.identification
+    replay = Replay(
+        lambda: _with_found(scene(), results.estimate),
+        'A servicer has captured a satellite whose wheels still spin. Its arm moves under a '
+        'controller that knows nothing of them, while the identifier listens to the noisy '
+        'sensors. The orange ghost is where a model without them would be, beginning again from '
+        'the measured state every two seconds. Then the same motion is tracked from the same '
+        'start with what was identified.',
+    )
     tracking = Plot(partial(_tracking, results), 'Reference minus true joint position.')
+    kept = 'What a closed system keeps, and what the simulated one did while it was identified.'
+    ledger = Plot(partial(_ledger, run), kept)
     return Report(
         title=results.answer,
         subtitle=f'robot {results.robot}, seed {results.seed}, simulated on ROS 2 nodes',
         sections=(
-            Section('', [_figures(results), pictures['motion']]),
+            Section('', [_figures(results), replay]),
             Section('Joint error with and without the wheel momentum', [tracking]),
-            Section('Convergence of the estimates', [pictures['error'], pictures['band']]),
+            Section('Convergence of the estimates', _convergence(run, results.truth)),
             Section('Estimated parameters', [_parameters(results)]),
-            Section('Momentum ledger', [pictures['ledger']]),
+            Section('Momentum ledger', [ledger]),
         ),
     )
 
@@ -166,7 +150,7 @@ def _largest(error: Array) -> Array:
     return np.take_along_axis(error, at, axis=1)[:, 0]
 
 
-def _convergence(run: DemoRun, truth: Array) -> RunPictures:
+def _convergence(run: DemoRun, truth: Array) -> list[Plot]:
     estimates = [e for e in run.estimates if e.samples > 0]
     time = np.array([e.stamp_ns * 1e-9 for e in estimates])
     first = next((t for t, e in zip(time, estimates, strict=True) if e.valid), None)
@@ -190,10 +174,10 @@ def _convergence(run: DemoRun, truth: Array) -> RunPictures:
             panels.append(Panel(title, 'N m s', [errors], levels=[(0.0, 'truth')]))
         return panels
 
-    return {
-        'error': Plot(sizes, f'The estimate is first given out as valid {when}.'),
-        'band': Plot(late, 'The last four fifths, on a scale that shows the bands.'),
-    }
+    return [
+        Plot(sizes, f'The estimate is first given out as valid {when}.'),
+        Plot(late, 'The last four fifths, on a scale that shows the bands.'),
+    ]
 
 
 def _parameters(results: DemoResults) -> Table:

@@ -114,7 +114,7 @@ def _torques(comparison: Comparison) -> Iterator[Item]:
         partial(curves.error_panels, comparison.series, ()),
         'First recording afterwards, each joint where it moves: torque that is missed with what '
         'both groups share (before), and with what changed as well (after).',
-        height=1.5,
+        height=180,
     )
 
 

@@ -198,12 +198,12 @@ def _errors(answer: Findings) -> Iterator[Item]:
         )
     for kind, group in groupby(diagnosis.series, key=lambda s: s.channel.split('/')[0]):
         panels = partial(curves.error_panels, list(group), curves.spans(diagnosis))
-        yield Plot(panels, words.errors or _KINDS.get(kind, kind), words.time, height=1.5)
+        yield Plot(panels, words.errors or _KINDS.get(kind, kind), words.time, height=180)
     sampled = [s for s in diagnosis.series if len(s.measured) >= _FEWEST]
     if sampled and diagnosis.method == 'prediction':
         caption = 'Spectra of the errors that stand out most; dashed: the noise floor.'
         spectra = partial(curves.spectra, curves.worst(sampled, _SPECTRA))
-        yield Plot(spectra, caption, 'frequency [Hz]', 1.9)
+        yield Plot(spectra, caption, 'frequency [Hz]', 200)
 
 
 def _ranking(answer: Findings) -> Iterator[Item]:

@@ -12,11 +12,9 @@ from ..diagnosis.answer.result import Diagnosis, Series
 from ..diagnosis.answer.words import at
 from ..display import Bars, Curve, Panel
 from ..types import Array
-from .plots import thinned
 
 RANKED = 12
 """Bars of a ranking."""
-_POINTS = 500  # a curve: a page holds many
 _SEGMENT = 512  # samples, of a spectrum
 _BEFORE, _AFTER, _MEASURED = 1, 0, 6  # colors
 Span = tuple[float, float, str]
@@ -56,7 +54,7 @@ def _error_panel(series: Series, title: str) -> Panel:
 
 
 def _curve(name: str, series: Series, values: Array, color: int) -> Curve:
-    return Curve(name, *thinned(series.time, values, _POINTS), None, color)
+    return Curve(name, series.time, values, None, color)
 
 
 def spectra(channels: Sequence[Series]) -> list[Panel]:

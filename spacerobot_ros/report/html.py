@@ -1,8 +1,8 @@
 """Reports as one self-contained HTML page.
 
 A page needs no network, reads well on a phone, in the dark and in print, and is the same to the
-last byte for the same content. Curves can be zoomed and read (uPlot), recordings played in 3D
-(three.js); both libraries are part of the page, and of the package under `assets/`.
+last byte for the same content. Curves are drawn, zoomed and read by uPlot, recordings played in 3D
+by three.js; both libraries are part of the page, and of the package under `assets/`.
 """
 
 from __future__ import annotations
@@ -14,13 +14,11 @@ from pathlib import Path
 from urllib.parse import quote
 
 from ..display import (
-    Drawn,
     Figure,
     Item,
     KeyFigure,
     KeyFigures,
     PageLink,
-    Plot,
     Replay,
     Report,
     Section,
@@ -28,7 +26,7 @@ from ..display import (
 )
 from ..formats import is_number
 from ..model.files import write_text
-from .plots import COLORS, inline_json, live_panels, svg_of
+from .plots import COLORS, inline_json, picture_of
 
 
 def write_report(report: Report, path: str | Path) -> Path:
@@ -61,12 +59,15 @@ def _section(section: Section) -> str:
 def _head(sections: str) -> Iterator[str]:
     """Styles, and the scripts that something on the page needs."""
     colors = ''.join(f'--curve-{k}: {color}; ' for k, color in enumerate(COLORS[:-1]))
-    yield f'<style>:root {{ {colors}}}\n{_asset("report.css")}</style>\n'
     has_replay = '<figure class="replay"' in sections
-    if has_replay or '<figure class="chart"' in sections:
-        yield f'<style>{_asset("uplot.min.css")}</style>\n'
-        names = ['uplot.min.js', 'charts.js', *['three.min.js', 'replay.js'] * has_replay]
-        yield from (f'<script>{_asset(name)}</script>\n' for name in names)
+    has_charts = has_replay or '<div class="live"' in sections
+    library = _asset('uplot.min.css') * has_charts  # first: ours changes what it says
+    yield f'<style>{library}:root {{ {colors}}}\n{_asset("report.css")}</style>\n'
+    names = [
+        *['uplot.min.js', 'charts.js'] * has_charts,
+        *['three.min.js', 'replay.js'] * has_replay,
+    ]
+    yield from (f'<script>{_asset(name)}</script>\n' for name in names)
 
 
 def _asset(name: str) -> str:
@@ -83,29 +84,15 @@ def _item(item: Item) -> str:
     return _figure(item)
 
 
-def drawn(item: Figure) -> Drawn:
-    """A picture that a page need not draw any more."""
-    return Drawn(_figure(item))
-
-
 def _figure(item: Figure) -> str:
-    if isinstance(item, Drawn):
-        return item.markup
     caption = f'<figcaption>{escape(item.caption)}</figcaption>' if item.caption else ''
     try:
-        return _replay(item, caption) if isinstance(item, Replay) else _plot(item, caption)
+        if isinstance(item, Replay):
+            return _replay(item, caption)
+        return f'<figure class="plot">{picture_of(item)}{caption}</figure>'
     except Exception as error:  # noqa: BLE001  whatever fails in a picture costs that picture only
         why = f'This picture could not be drawn: {type(error).__name__}: {error}'
         return f'<figure><p>{escape(why)}</p>{caption}</figure>'
-
-
-def _plot(figure: Plot, caption: str) -> str:
-    """The static picture, and where it has curves the data of one that can be read."""
-    svg, panels = svg_of(figure), live_panels(figure)
-    if not panels:
-        return f'<figure>{svg}{caption}</figure>'
-    content = inline_json({'sync': figure.abscissa, 'panels': panels})
-    return f'<figure class="chart">{content}{svg}<div class="live"></div>{caption}</figure>'
 
 
 def _replay(item: Replay, caption: str) -> str:

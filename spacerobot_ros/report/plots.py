@@ -1,19 +1,17 @@
-"""Plots for reports: time series with bands, errors on a log scale; deterministic SVG text.
+"""Plots of reports: data that `assets/charts.js` draws as curves; bars and counts as tables.
 
-The same data give the same bytes: no date, fixed identifiers, text kept as text. Curves differ in
-color (Okabe and Ito's palette, safe for the color-blind) and in line style (safe in print). Data
-inside a page are base64 or JSON.
+The same data give the same bytes. Curves differ in color (Okabe and Ito's palette, safe for the
+color-blind) and in dashes (safe in print). Data inside a page are base64 or JSON.
 """
 
 from __future__ import annotations
 
 import base64
-import html
-import io
 import json
-import re
-from collections.abc import Callable, Sequence
-from typing import Any, Literal
+import math
+from collections.abc import Sequence
+from html import escape
+from typing import Any
 
 import numpy as np
 
@@ -33,56 +31,36 @@ def inline_json(value: Any) -> str:
 
 
 COLORS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9', '#000000')
-STYLES: tuple[Any, ...] = ('-', '--', '-.', (0, (4, 1, 1, 1, 1, 1)), (0, (1, 1)))
-MAX_POINTS = 1500  # a curve; more than a screen shows
-LIVE_POINTS = 2400  # of all curves of a panel: 60 to 100 kB of a page
-
-_RC = {
-    'svg.fonttype': 'none',
-    'svg.hashsalt': 'spacerobot_ros',
-    'font.family': 'sans-serif',
-    'font.size': 9.5,
-    'axes.grid': True,
-    'grid.color': '#dde1e6',
-    'grid.linewidth': 0.6,
-    'axes.edgecolor': '#8a919a',
-    'axes.spines.top': False,
-    'axes.spines.right': False,
-    'axes.axisbelow': True,
-    'axes.titlelocation': 'left',
-    'axes.titlesize': 10.5,
-    'lines.linewidth': 1.5,
-    'legend.frameon': False,
-    'legend.fontsize': 9,
-}
+MOST_POINTS = 1800  # of all curves of a panel, which then takes 30 to 80 kB of a page
+FEWEST_POINTS = 200  # of a curve
 
 
-def svg_of(figure: Plot) -> str:
-    """The `<svg>` element of any picture."""
+def picture_of(figure: Plot) -> str:
+    """The content of a plot's `<figure>`."""
     picture = figure.picture() if callable(figure.picture) else figure.picture
-    if isinstance(picture, str):
-        return picture
     if isinstance(picture, Matrix):
-        return matrix(picture)
+        return _matrix(picture)
     if isinstance(picture, Bars):
-        return bars(picture)
-    return plot(picture, abscissa=figure.abscissa, height=figure.height)
+        return _bars(picture)
+    content = {'abscissa': figure.abscissa, 'height': figure.height, 'panels': panels_of(picture)}
+    return (
+        f'{inline_json(content)}<div class="live"></div>'
+        '<noscript><p>These curves need JavaScript.</p></noscript>'
+    )
 
 
-def live_panels(figure: Plot) -> list[dict[str, Any]]:
-    """What `assets/charts.js` draws of a picture; nothing of one that has no panels."""
-    picture = figure.picture() if callable(figure.picture) else figure.picture
-    if isinstance(picture, str | Matrix | Bars):
-        return []
-    return [_live(panel, figure.abscissa) for panel in picture if panel.curves]
+def panels_of(panels: Sequence[Panel]) -> list[dict[str, Any]]:
+    """Panels from top to bottom over one abscissa, as `assets/charts.js` reads them."""
+    shown = [panel for panel in panels if panel.curves]
+    ends = [c.t[k] for panel in shown for c in panel.curves if len(c.t) for k in (0, -1)]
+    return [_panel(panel, [min(ends), max(ends)] if ends else []) for panel in shown]
 
 
-def _live(panel: Panel, abscissa: str) -> dict[str, Any]:
+def _panel(panel: Panel, ends: Sequence[float]) -> dict[str, Any]:
     """Curves on the times of all of them, so thinned that every peak is kept."""
-    limit = max(LIVE_POINTS // len(panel.curves), 200)
+    limit = max(MOST_POINTS // len(panel.curves), FEWEST_POINTS)
     sides = [(np.asarray(c.t, float), np.asarray(c.y, float)) for c in panel.curves]
-    kept = [thinned(t, y, limit)[0] for t, y in sides]
-    x = np.unique(np.concatenate(kept))
+    x = np.unique(np.concatenate([ends, *(thinned(t, y, limit)[0] for t, y in sides)]))
     curves = []
     for place, (curve, (t, y)) in enumerate(zip(panel.curves, sides, strict=True)):
         lines = {'y': y}
@@ -104,142 +82,14 @@ def _live(panel: Panel, abscissa: str) -> dict[str, Any]:
         'title': panel.title,
         'unit': panel.unit,
         'log': panel.log,
-        'abscissa': abscissa,
         'x': packed(x),
-        'levels': [value for value, _ in panel.levels],
+        'levels': panel.levels,
+        'spans': panel.spans,
         'curves': curves,
     }
 
 
-def plot(panels: Sequence[Panel], *, abscissa: str = 'time [s]', height: float = 2.3) -> str:
-    """Stacked panels over one abscissa.
-
-    Args:
-        panels: From top to bottom.
-        abscissa: Label below the last panel, with unit.
-        height: Height of a panel where the whole is 8 wide [in].
-
-    Returns:
-        An `<svg>` element that scales to the width of its container.
-    """
-    width, whole = 8.0, 0.45 + height * len(panels)
-    room = {  # for texts [in], as shares; a layout that asks them takes longer than to draw
-        'left': 0.85 / width,
-        'right': 1.0 - 0.15 / width,
-        'bottom': 0.5 / whole,
-        'top': 1.0 - 0.45 / whole,
-        'hspace': 0.5 / (height - 0.5),
-    }
-
-    def draw(figure: Any) -> None:
-        axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False, gridspec_kw=room)[:, 0]
-        for panel, ax in zip(panels, axes, strict=True):
-            _draw(panel, ax)
-        axes[-1].set_xlabel(abscissa)
-
-    label = ', '.join(panel.title for panel in panels)
-    return _drawn((width, whole), label, draw, layout=None)
-
-
-def bars(content: Bars) -> str:
-    """Horizontal bars as an `<svg>` element that scales to the width of its container."""
-    labels = content.labels
-
-    def draw(figure: Any) -> None:
-        ax = figure.subplots()
-        places = np.arange(len(labels))
-        heights = np.array([value if value > 0.0 else np.nan for value in content.values])
-        colors = [COLORS[0] if mark else '#aab4bf' for mark in content.marked]
-        ax.barh(places, heights, color=colors, height=0.7)
-        ax.set_xscale('log')
-        ax.set_yticks(places, labels)
-        ax.invert_yaxis()
-        ax.grid(visible=False, axis='y')
-        ax.set_xlabel(content.abscissa)
-
-    return _drawn((8.0, 0.8 + 0.26 * len(labels)), content.abscissa, draw)
-
-
-def matrix(content: Matrix) -> str:
-    """Counts as a shaded matrix, each row by its own sum; empty cells stay blank.
-
-    Args:
-        content: Labels and counts.
-
-    Returns:
-        An `<svg>` element that scales to the width of its container.
-    """
-    rows, columns, counts = content.rows, content.columns, content.counts
-
-    def draw(figure: Any) -> None:
-        ax = figure.subplots()
-        sums = np.maximum(counts.sum(axis=1, keepdims=True), 1)
-        ax.imshow(counts / sums, cmap='Blues', vmin=0.0, vmax=1.6, aspect='auto')
-        for i, j in zip(*np.nonzero(counts), strict=True):
-            ax.text(j, i, f'{counts[i, j]:g}', ha='center', va='center', fontsize=7)
-        ax.set_xticks(np.arange(len(columns)), columns, rotation=90, fontsize=8)
-        ax.set_yticks(np.arange(len(rows)), rows, fontsize=8)
-        ax.grid(visible=False)
-        ax.set_xlabel(content.abscissa)
-
-    size = 2.5 + 0.24 * len(columns), 2.2 + 0.2 * len(rows)
-    return _drawn(size, content.abscissa, draw)
-
-
-def _drawn(
-    size: tuple[float, float],
-    label: str,
-    draw: Callable[[Any], None],
-    layout: Literal['constrained'] | None = 'constrained',
-) -> str:
-    """An element with a label: what is drawn into a figure of a size [in]."""
-    import matplotlib as mpl  # late: what only describes plots need not wait for it
-    from matplotlib.figure import Figure
-
-    with mpl.rc_context(_RC):
-        figure, buffer = Figure(figsize=size, layout=layout), io.StringIO()
-        draw(figure)
-        figure.savefig(buffer, format='svg', metadata={'Date': None, 'Creator': None})
-    return _inline(buffer.getvalue(), label)
-
-
-def _draw(panel: Panel, ax: Any) -> None:
-    for place, curve in enumerate(panel.curves):
-        choice = place if curve.color is None else curve.color
-        color, style = COLORS[choice % len(COLORS)], STYLES[place % len(STYLES)]
-        t, y = np.asarray(curve.t, dtype=float), np.asarray(curve.y, dtype=float)
-        if panel.log:
-            y = np.where(y == 0.0, np.nan, np.abs(y))
-        if curve.half_band is not None:
-            _band(ax, t, y, np.asarray(curve.half_band), color, panel.log)
-        ax.plot(*thinned(t, y), color=color, linestyle=style, label=curve.label or None)
-    for value, label in panel.levels:
-        ax.axhline(
-            value, color='#5b626b', linewidth=0.9, linestyle=(0, (5, 3)), label=label or None
-        )
-    for first, last, label in panel.spans:
-        ax.axvspan(first, last, color='#d98200', alpha=0.2, linewidth=0, label=label or None)
-    if panel.log:
-        ax.set_yscale('log')
-    ax.set_title(panel.title)
-    ax.set_ylabel(f'[{panel.unit}]')
-    ax.margins(x=0.01)
-    handles, labels = ax.get_legend_handles_labels()
-    if labels:
-        corner: Any = {'loc': 'lower right', 'bbox_to_anchor': (1.0, 0.98), 'borderaxespad': 0.1}
-        ax.legend(handles, labels, ncols=len(labels), **corner)  # beside the title, off the curves
-
-
-def _band(ax: Any, t: Array, y: Array, half: Array, color: str, log: bool) -> None:
-    step = max(1, len(t) // MAX_POINTS)
-    keep = slice(None, None, step)
-    low = y[keep] - half[keep]
-    if log:
-        low = np.where(low > 0.0, low, np.nan)
-    ax.fill_between(t[keep], low, y[keep] + half[keep], color=color, alpha=0.18, linewidth=0)
-
-
-def thinned(t: Array, y: Array, limit: int = MAX_POINTS) -> tuple[Array, Array]:
+def thinned(t: Array, y: Array, limit: int) -> tuple[Array, Array]:
     """At most `limit` points that keep every peak: the smallest and largest of each stretch.
 
     Args:
@@ -260,12 +110,43 @@ def thinned(t: Array, y: Array, limit: int = MAX_POINTS) -> tuple[Array, Array]:
     return t[chosen], y[chosen]
 
 
-def _inline(svg: str, label: str) -> str:
-    """The bare element: no prolog, width of its container, no identifier that nothing uses."""
-    svg = svg[svg.index('<svg') :].strip()
-    svg = re.sub(r'<metadata>.*?</metadata>\s*', '', svg, flags=re.DOTALL)
-    svg = re.sub(r'<svg ', f'<svg role="img" aria-label="{html.escape(label)}" ', svg, count=1)
-    svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r'\1', svg, count=1)
-    svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r'\1', svg, count=1)
-    used = set(re.findall(r'(?:url\(|href=")#([^")]+)', svg))
-    return re.sub(r' id="([^"]*)"', lambda m: m.group(0) if m.group(1) in used else '', svg)
+def _bars(content: Bars) -> str:
+    """Widths by the logarithm, whole decades from end to end; nothing where a value is not > 0."""
+    powers = [math.log10(value) if value > 0.0 else math.nan for value in content.values]
+    first = math.floor(np.nanmin(powers))
+    decades = max(math.ceil(np.nanmax(powers)) - first, 1)
+
+    def share(power: float) -> str:
+        return f'{100.0 * (power - first) / decades:.2f}%'
+
+    rows = []
+    for label, power, mark in zip(content.labels, powers, content.marked, strict=True):
+        kind = ' class="marked"' * mark
+        bar = '' if math.isnan(power) else f'<i{kind} style="width: {share(power)}"></i>'
+        rows.append(f'<tr><th scope="row">{escape(label)}</th><td>{bar}</td></tr>')
+    ticks = (
+        f'<span style="left: {share(power)}">1e{power}</span>'
+        for power in range(first, first + decades + 1)
+    )
+    return (
+        f'<table class="bars" style="--decades: {decades}"><caption>{escape(content.abscissa)}'
+        f'</caption><tbody>\n{"".join(rows)}\n</tbody>'
+        f'<tfoot><tr><td></td><td>{"".join(ticks)}</td></tr></tfoot></table>'
+    )
+
+
+def _matrix(content: Matrix) -> str:
+    """Counts, shaded by their share of their row's sum; empty cells stay blank."""
+    head = ''.join(f'<th scope="col">{escape(name)}</th>' for name in content.columns)
+    rows = []
+    for name, counts in zip(content.rows, content.counts, strict=True):
+        total = max(counts.sum(), 1)
+        cells = ''.join(
+            f'<td style="--share: {count / total:.3f}">{count:g}</td>' if count else '<td></td>'
+            for count in counts
+        )
+        rows.append(f'<tr><th scope="row">{escape(name)}</th>{cells}</tr>')
+    return (
+        f'<table class="matrix"><caption>{escape(content.abscissa)}</caption>'
+        f'<thead><tr><td></td>{head}</tr></thead><tbody>\n{"".join(rows)}\n</tbody></table>'
+    )

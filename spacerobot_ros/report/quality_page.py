@@ -139,7 +139,7 @@ def _curves(curves: tuple[Allan, ...]) -> Iterator[Plot]:
             [Curve('measured', tau, one.deviation), *fitted],
             log=True,
         )
-        yield Plot([panel], abscissa='averaging time, log10 [s]', height=3.0)
+        yield Plot([panel], abscissa='averaging time, log10 [s]', height=320)
 
 
 def _excitation(quality: Quality, is_whole: bool) -> Iterator[Item]:

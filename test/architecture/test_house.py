@@ -169,7 +169,7 @@ def is_ros(name):
     ('what', 'belongs', 'rooms'),
     [
         ('ROS', is_ros, ('ros', 'nodes')),
-        ('plotting', lambda name: name.split('.')[0] == 'matplotlib', ('report',)),
+        ('plotting', lambda name: name.split('.')[0] == 'matplotlib', ()),
     ],
 )
 def test_what_belongs_to_a_room_stays_there(what, belongs, rooms):

@@ -75,7 +75,7 @@ def test_tracking_with_least_squares_is_worse_than_without_any_estimate(outcome)
 def test_files_are_written(outcome):
     _, text, folder, _ = outcome
     page = (folder / 'report.html').read_text()
-    assert page.count('<svg') == 4
+    assert page.count('<div class="live"') == 4
     assert 'Fig. 7' in page
     assert json.loads((folder / 'results.json').read_text()) == json.loads(text)
 

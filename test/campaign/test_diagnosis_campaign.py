@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -15,7 +17,6 @@ from scipy.stats import binomtest
 
 from spacerobot_ros.campaign.description import EXPERIMENTS
 from spacerobot_ros.campaign.hidden.diagnosis_campaign import HiddenCase, run, trials
-from spacerobot_ros.campaign.hidden.diagnosis_campaign_tables import CONFUSION, ROC
 from spacerobot_ros.campaign.hidden.diagnosis_draw import drawn, places
 from spacerobot_ros.campaign.hidden.diagnosis_judge import (
     is_equivalent,
@@ -41,6 +42,7 @@ from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.estimation.unknowns.response import InverseDynamics
 
+DOCS = Path(__file__).resolve().parents[2] / 'docs'
 GYRO, RIPPLE = ('gyro_bias', None), ('joint_torque_ripple', 'joint_1')
 WHEELS = ('target_wheel_momentum', 'left_3')
 LATE = [
@@ -337,7 +339,12 @@ def test_page_and_files_of_scores(tmp_path):
     assert main([*command, '--jobs', '1', '--out', str(tmp_path)]) == 0
     text = (tmp_path / EXPERIMENTS['diagnosis'].markdown).read_text(encoding='utf-8')
     assert '| gyro_bias | 1.000 (0.207 to 1.000) of 1 |' in text
-    for name in (ROC, CONFUSION):
+    page = (tmp_path / 'report.html').read_text(encoding='utf-8')
+    assert page.count('<div class="live"') == page.count('<table class="matrix"') == 1
+    script = DOCS / 'images' / 'diagnosis_campaign.py'
+    drawing = [sys.executable, str(script), str(tmp_path / 'results.json'), str(tmp_path)]
+    subprocess.run(drawing, check=True)
+    for name in ('diagnosis_roc.svg', 'diagnosis_confusion.svg'):
         svg = ElementTree.fromstring((tmp_path / name).read_text(encoding='utf-8'))
         assert svg.tag == '{http://www.w3.org/2000/svg}svg'
     kept = json.loads((tmp_path / 'results.json').read_text(encoding='utf-8'))['diagnosis']
@@ -351,9 +358,8 @@ def test_page_and_files_of_scores(tmp_path):
 
 
 def test_the_docs_show_every_signature_and_every_equivalent():
-    docs = Path(__file__).resolve().parents[2] / 'docs'
-    text = (docs / 'diagnosis.md').read_text(encoding='utf-8')
-    pictures = sorted((docs / 'images' / 'effects').glob('*.svg'))
+    text = (DOCS / 'diagnosis.md').read_text(encoding='utf-8')
+    pictures = sorted((DOCS / 'images' / 'effects').glob('*.svg'))
     assert [p.name for p in pictures if f'(images/effects/{p.name})' not in text] == []
     rows = [f'| `{a}` | `{b}` | {why} |' for a, b, why in EQUIVALENTS]
     assert [row for row in rows if row not in text] == []

@@ -31,7 +31,7 @@ def test_a_recording_without_a_robot(gyro, tmp_path, capsys):
     assert 'no robot file was given' in printed
     text = page.read_text()
     assert 'Allan deviation of gyro' in text
-    assert '<svg' in text
+    assert '<div class="live"' in text
 
 
 def test_json_alone_and_findings(gyro, tmp_path, capsys):

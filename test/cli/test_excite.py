@@ -45,7 +45,7 @@ def test_writes_a_robot_file_that_keeps_the_limits(robot, tmp_path, capsys):
     q = np.array([motion.at(t).q for t in np.linspace(0.0, 20.0, 2001)])
     assert np.max(np.abs(q)) <= np.pi / 3
     text = page.read_text()
-    assert text.count('<svg') == 2
+    assert text.count('<div class="live"') == 2
     assert main(arguments) == 2  # never over what is there
     assert '--force replaces it' in capsys.readouterr().err
 

@@ -16,7 +16,7 @@ from support.diagnosis import hand_made
 
 from spacerobot_ros.campaign import workers
 from spacerobot_ros.cli.main import main
-from spacerobot_ros.demo.page import demo_report, pictures_of
+from spacerobot_ros.demo.page import demo_report
 from spacerobot_ros.demo.results import DemoResults, DemoRun
 from spacerobot_ros.diagnosis.findings import Findings
 from spacerobot_ros.effects.robot_file import load_robot_file
@@ -111,8 +111,7 @@ def demonstration(folder, robot, recording):
     results = DemoResults(HOSTILE, (HOSTILE,) * 3, 1, run, run, run, truth, ('bag',), 1.0)
     file = load_robot_file(robot)
     (record,) = read_records([recording], file.robot)
-    pictures = pictures_of(run, truth, lambda: scene_of(record, file, [(JOINT, HOSTILE)]))
-    report = demo_report(results, pictures)
+    report = demo_report(results, lambda: scene_of(record, file, [(JOINT, HOSTILE)]))
     write_report(report, folder / 'demo.html')
 
 

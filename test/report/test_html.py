@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
+import re
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
 from spacerobot_ros.display import (
+    Bars,
     Curve,
     KeyFigure,
     KeyFigures,
+    Matrix,
     Panel,
     Plot,
     Report,
@@ -19,7 +23,6 @@ from spacerobot_ros.display import (
 )
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.report.html import render, write_report
-from spacerobot_ros.report.plots import plot
 
 VOID = {'meta', 'br', 'hr', 'img', 'link', 'input'}
 
@@ -50,7 +53,7 @@ class Page(HTMLParser):
         self.text.append(data)
 
 
-def report(svg='<svg></svg>'):
+def report(*items):
     figures = [
         KeyFigure('AAM error', '0.13', '%', 'below 1 %', 'good'),
         KeyFigure('drift', '2e-3', '', '', 'bad'),
@@ -58,32 +61,55 @@ def report(svg='<svg></svg>'):
     table = Table(['name', 'value [kg m^2]'], [['J<1>', '2.3 ± 0.1'], ['all', 'none']], 'Found')
     sections = [
         Section('Key figures', [KeyFigures(figures), 'a < b & "c"']),
-        Section('Data', [table, Plot(svg, 'What to see')]),
+        Section('Data', [table, *items]),
     ]
     return Report('Loop & <tag>', 'seed 1', sections)
 
 
-def example_plot():
+def example_items():
     t = np.linspace(0.0, 20.0, 5001)
     estimate = Curve('estimate', t, 42 + np.exp(-t), half_band=3 * np.exp(-t))
-    return plot(
-        [
-            Panel(
-                'Joint error', 'deg', [Curve('a', t, np.sin(t)), Curve('b', t, 0 * t)], log=True
-            ),
-            Panel('Momentum', 'N m s', [estimate], levels=[(42.0, 'truth')]),
-        ]
-    )
+    errors = [Curve('a', t, np.sin(t)), Curve('b', t, 0 * t)]
+    panels = [
+        Panel('Joint error', 'deg', errors, log=True),
+        Panel('Momentum', 'N m s', [estimate], levels=[(42.0, 'truth')]),
+    ]
+    bars = Bars(['<a>', 'b', 'c'], [2000.0, 30.0, 0.0], [True, False, False], 'gain & loss')
+    counts = Matrix(['<a>', 'b'], ['x', 'y'], np.array([[3, 1], [0, 0]]), 'named first')
+    return [Plot(panels, 'What to see'), Plot(bars), Plot(lambda: counts)]
 
 
 def test_the_page_nests_and_needs_no_network():
-    page = Page(render(report(example_plot())))
-    assert not {'script', 'link', 'iframe', 'img'} & set(page.tags)
-    links = [v for k, v in page.attributes if k in ('src', 'href', 'xlink:href')]
-    assert all(v.startswith('#') for v in links)
+    page = Page(render(report(*example_items())))
+    assert not {'link', 'iframe', 'img'} & set(page.tags)
+    assert not [v for k, v in page.attributes if k in ('src', 'href', 'xlink:href')]
     assert ('name', 'viewport') in page.attributes
     assert page.tags.count('h1') == 1
+    assert page.tags.count('noscript') == 1
     assert '@media print' in ''.join(page.text)
+
+
+def test_a_page_without_curves_has_no_script():
+    curves, *tables = example_items()
+    assert 'script' not in Page(render(report(*tables))).tags
+    assert 'script' in Page(render(report(curves))).tags
+
+
+def test_bars_stand_on_whole_decades():
+    text = render(report(example_items()[1]))
+    assert '<th scope="row">&lt;a&gt;</th>' in text
+    ends = math.log10(200.0) / 3.0, math.log10(3.0) / 3.0  # of 1e1 to 1e4
+    long, short = re.findall(r'<i(?: class="marked")? style="width: ([\d.]+)%">', text)
+    assert [float(long), float(short)] == pytest.approx([100.0 * end for end in ends], abs=0.01)
+    assert text.count('<i class="marked" style') == 1
+    ticks = re.findall(r'left: ([\d.]+)%">(1e\d)<', text)
+    assert ticks == [('0.00', '1e1'), ('33.33', '1e2'), ('66.67', '1e3'), ('100.00', '1e4')]
+
+
+def test_counts_are_shaded_by_their_row():
+    text = render(report(example_items()[2]))
+    assert '<td style="--share: 0.750">3</td><td style="--share: 0.250">1</td>' in text
+    assert '<th scope="row">b</th><td></td><td></td>' in text
 
 
 def test_content_is_escaped():
@@ -107,15 +133,7 @@ def test_numbers_are_aligned_and_words_are_not():
 
 
 def test_the_same_content_gives_the_same_page():
-    assert render(report(example_plot())) == render(report(example_plot()))
-
-
-def test_identifiers_are_only_those_that_are_used():
-    svg = example_plot()
-    page = Page(svg)
-    used = {v[1:] for k, v in page.attributes if k.endswith('href')}
-    used |= {v[5:-1] for k, v in page.attributes if v and v.startswith('url(#')}
-    assert {v for k, v in page.attributes if k == 'id'} <= used
+    assert render(report(*example_items())) == render(report(*example_items()))
 
 
 def test_writing_makes_the_folder_and_reports_what_fails(tmp_path):
@@ -129,7 +147,6 @@ def test_a_picture_that_fails_costs_that_picture_only():
     def draw():
         raise ZeroDivisionError('no <data>')
 
-    pictures = Section('Two', [Plot(draw, 'lost'), Plot(lambda: '<svg></svg>', 'kept')])
-    text = render(Report('t', 's', [pictures]))
+    text = render(Report('t', 's', [Section('Two', [Plot(draw, 'lost'), *example_items()[1:]])]))
     assert 'This picture could not be drawn: ZeroDivisionError: no &lt;data&gt;' in text
-    assert '<figure><svg></svg><figcaption>kept</figcaption></figure>' in text
+    assert '<table class="bars"' in text

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from itertools import pairwise
 
 import numpy as np
@@ -15,7 +14,6 @@ from spacerobot_ros.effects.robot_file import RobotFile
 from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.recording.record import JointSeries, Record
 from spacerobot_ros.report.html import render
-from spacerobot_ros.report.plots import live_panels
 from spacerobot_ros.simulation.replay.scene import scene_of
 
 HOSTILE = '</script><img src=x onerror="document.title=1"><script>document.title="taken"</script>'
@@ -41,8 +39,10 @@ def page(scene, tmp_path_factory):
     """A replay and two plots, everything named by somebody who means harm."""
     time = np.linspace(0.0, 60.0, 2001)
     half = time[::2]
-    curves = [Curve(HOSTILE, time, np.sin(time), np.full(2001, 0.1)), Curve('b', half, half)]
-    below = Panel('below', '1', curves[1:], levels=((30.0, 'limit'),))
+    curves = [Curve(HOSTILE, time, np.sin(time), np.full(2001, 5.0)), Curve('b', half, half)]
+    below = Panel(
+        'below', '1', curves[1:], levels=((30.0, 'limit'),), spans=((10.0, 20.0, 'event'),)
+    )
     plots = [
         Plot([Panel(HOSTILE, 'rad', curves), below]),
         Plot([Panel('error', 'm', [Curve('', time, np.exp(-time))], log=True)]),
@@ -67,27 +67,56 @@ def test_a_minute_of_seven_joints_is_a_small_page_of_its_own(page):
     assert '<script src' not in text
 
 
-def test_curves_share_their_times_and_keep_their_peaks():
-    time = np.linspace(0.0, 1.0, 10_001)
-    spike = np.zeros(10_001)
-    spike[5003] = 7.0
-    curves = [Curve('', time, spike), Curve('', time[:2], spike[:2])]
-    (panel,) = live_panels(Plot([Panel('a', 'm', curves)]))
-    first, second = (np.frombuffer(base64.b64decode(c['y']), '<f4') for c in panel['curves'])
-    assert first.max() == 7.0
-    assert len(first) == len(second) < 3000
-    assert np.isnan(second[-1])
-
-
 @needs_chromium
 @pytest.mark.parametrize(('width', 'scheme'), [(400, 'dark'), (1600, 'light')])
 def test_the_page_opens_without_an_error(page, browser, width, scheme):
     browser.open(page, width, scheme)
     assert browser.errors == []
-    assert browser.ask("document.querySelectorAll('figure.is-live').length") == 3
+    assert browser.ask("document.querySelectorAll('figure.is-live').length") == 1
+    assert browser.ask("document.querySelectorAll('.live .uplot').length") == 3
     assert browser.ask('document.documentElement.scrollWidth') <= width
     assert browser.ask('document.title') == HOSTILE
     assert browser.ask("document.querySelectorAll('img').length") == 0
+
+
+@needs_chromium
+def test_curves_bands_levels_and_spans_are_drawn(page, browser):
+    browser.open(page)
+    seen = browser.ask("""[...document.querySelectorAll('.live canvas')].map((canvas) => {
+        const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+        const count = (...color) => {
+            let found = 0;
+            for (let k = 0; k < data.length; k += 4)
+                found += color.every((value, c) => Math.abs(data[k + c] - value) < 8);
+            return found;
+        };
+        const [first, second] = [[0, 114, 178], [213, 94, 0]];
+        return { first: count(...first, 255), second: count(...second, 255),
+            band: count(...first, 46), level: count(89, 99, 110, 255),
+            span: count(217, 130, 0, 51) };
+    })""")
+    drawn = [{name for name, pixels in chart.items() if pixels > 200} for chart in seen]
+    assert drawn == [{'first', 'second', 'band'}, {'first', 'level', 'span'}, {'first'}]
+    names = browser.ask("""[...document.querySelectorAll('.live .u-legend')].map((legend) =>
+        [...legend.querySelectorAll('.u-label')].map((label) => label.textContent))""")
+    time = 'time [s]'
+    assert names == [[time, HOSTILE, 'b'], [time, 'b', 'limit', 'event'], [time, 'value']]
+
+
+@needs_chromium
+def test_paper_shows_whole_charts_in_light_colors(page, browser):
+    browser.open(page, 1200, 'dark', 'print')
+    count, widest, ink = browser.ask("""(() => {
+        document.body.style.width = '700px';  // as a sheet: nothing draws anew for it
+        const charts = [...document.querySelectorAll('.live canvas')], [{ height }] = charts;
+        const { data } = charts[0].getContext('2d').getImageData(0, 0, 80, height);
+        const words = data.filter((_, k) => k % 4 === 0 && data[k + 3] === 255);
+        const edges = charts.map((chart) => chart.getBoundingClientRect().right);
+        return [charts.length, Math.max(...edges), Math.min(...words)];
+    })()""")
+    assert count == 3
+    assert widest <= 700
+    assert ink < 60
 
 
 @needs_chromium
@@ -136,19 +165,19 @@ def test_the_picture_moves_with_the_slider_and_plays(page, browser):
 def test_linked_axes_zoom_together_and_values_can_be_read(page, browser):
     browser.open(page, 1200)
     left, width, y = browser.ask("""(() => {
-        const over = document.querySelector('figure.chart .u-over');
+        const over = document.querySelector('figure.plot .u-over');
         over.scrollIntoView();
         const box = over.getBoundingClientRect();
         return [box.left, box.width, box.top + 50];
     })()""")
-    times = """[...document.querySelectorAll('figure.chart .uplot')].map(
+    times = """[...document.querySelectorAll('figure.plot .uplot')].map(
         (chart) => chart.querySelector('.u-legend .u-value').textContent)"""
     browser.drag((left + 0.5 * width, y))
     before = browser.ask(times)
     browser.drag(*((left + share * width, y) for share in (0.25, 0.4, 0.5)))
     browser.drag((left + 0.5 * width, y))
     after = browser.ask(times)
-    read = browser.ask("document.querySelectorAll('figure.chart .u-value')[1].textContent")
+    read = browser.ask("document.querySelectorAll('figure.plot .u-value')[1].textContent")
     assert [float(t) for t in before] == pytest.approx([30.0] * 3, abs=0.5)
     # the middle of what was dragged over, 15 s to 30 s, on all three
     assert [float(t) for t in after] == pytest.approx([22.5] * 3, abs=0.5)

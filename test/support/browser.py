@@ -66,13 +66,15 @@ class Browser:
         os.close(self._read)
         self._profile.cleanup()
 
-    def open(self, path: Path, width: int = 1200, scheme: str = 'light') -> None:
-        """Load a page and wait until its scripts have run."""
+    def open(
+        self, path: Path, width: int = 1200, scheme: str = 'light', media: str = 'screen'
+    ) -> None:
+        """Load a page and wait until its scripts have run, and it is as a medium shows it."""
         self.errors.clear()
         metrics = {'width': width, 'height': 900, 'deviceScaleFactor': 1, 'mobile': width < 600}
         self._ask('Emulation.setDeviceMetricsOverride', **metrics)
         features = [{'name': 'prefers-color-scheme', 'value': scheme}]
-        self._ask('Emulation.setEmulatedMedia', features=features)
+        self._ask('Emulation.setEmulatedMedia', media='screen', features=features)
         self._ask('Page.navigate', url=path.resolve().as_uri())
         self.ask(
             'new Promise((done) => {'
@@ -81,6 +83,9 @@ class Browser:
             " else addEventListener('load', ready);"
             '}).then(() => location.href)'
         )
+        if media != 'screen':
+            self._ask('Emulation.setEmulatedMedia', media=media, features=features)
+            self.ask('new Promise((done) => requestAnimationFrame(() => done(0)))')
 
     def ask(self, expression: str) -> Any:
         """Value of a JavaScript expression, awaited where it is a promise."""

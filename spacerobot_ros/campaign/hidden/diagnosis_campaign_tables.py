@@ -12,8 +12,6 @@ from ..description import Results, TrialRecord
 from ..shares import Share
 from .diagnosis_score import Scores
 
-ROC, CONFUSION = 'diagnosis_roc.svg', 'diagnosis_confusion.svg'
-"""Files beside the report: false alarms against detection, who is taken for whom."""
 _MOST_CHARACTERS = 160  # of a message
 _NONE = Share(0, 0)
 
@@ -134,12 +132,11 @@ def drawings(records: Sequence[TrialRecord], results: Results) -> list[Section]:
             [Panel(what, '1', curves)],
             'The threshold on the best evidence falls from left to right.',
             'share of clean records above it',
-            file=ROC,
         )
     ]
     if s['confusion']:
         caption = 'Who is taken for whom, at three times the detection limit.'
-        plots.append(Plot(_matrix(s['confusion']), caption, file=CONFUSION))
+        plots.append(Plot(_matrix(s['confusion']), caption))
     return [Section('Detection and confusion', plots)]
 
 
