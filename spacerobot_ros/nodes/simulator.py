@@ -33,8 +33,9 @@ from .pace import IdleTime, Pace
 from .simulator_topics import SimulatorTopics
 
 POLL_PERIOD = 0.05
-REPEAT_NS = 1_000_000_000  # of /clock while lockstep waits: it may have been lost
-NEWS_NS = 200_000_000  # for which lockstep waits before it looks who is there
+REPEAT_NS = 1_000_000_000  # after which lockstep, waiting, says the time again: it may be lost
+LOOKS_AT_ONE = 2  # before it starts: nodes find each other one by one; a controller is one node
+LOOKS_AT_SEVERAL = 40  # where who gives commands is no node that takes joint states
 KEPT = 1e-8  # relative momentum drift: far above round-off, far below what matters
 CATCH_UP = 10  # steps in one tick of the real-time timer; beyond, the simulation falls behind
 
@@ -77,7 +78,11 @@ class SimulatorNode(RobotNode):
     @property
     def is_connected(self) -> bool:
         """Whether someone takes the joint states and someone gives commands."""
-        return self.is_open and self._topics.is_heard and bool(self._commanders())
+        return (
+            self.is_open
+            and self._topics.is_heard
+            and self.count_publishers(self._command_topic) > 0
+        )
 
     @property
     def sent_ns(self) -> dict[str, int]:
@@ -102,7 +107,7 @@ class SimulatorNode(RobotNode):
 
     def _begin(self) -> None:
         self._pace.anchor(self.step_index)
-        self._asked = self._commanders()
+        self._asked = self._answerers()
         self._publish()
 
     def step(self) -> None:
@@ -199,7 +204,8 @@ class SimulatorNode(RobotNode):
         self._answer.clear()
         self._waiting = IdleTime(POLL_PERIOD, lambda: self.wall_ns())
         self._repeated_ns = 0
-        self._is_late = self._was_connected = False
+        self._is_late = self._has_resent = False
+        self._looks = 0
 
     # ------------------------------------------------------------ time
 
@@ -219,9 +225,8 @@ class SimulatorNode(RobotNode):
     def _poll(self) -> None:
         """Lockstep: start once connected, and say when the command does not come."""
         if not self._is_started:
-            was_connected, self._was_connected = self._was_connected, self.is_connected
-            # each side finds the other by itself: the other one had a period of this timer
-            if was_connected and self._was_connected and not self._is_paused:
+            self._looks = self._looks + 1 if self.is_connected and not self._is_paused else 0
+            if self._looks >= (LOOKS_AT_ONE if self._answerers() else LOOKS_AT_SEVERAL):
                 self.start()
             return
         if self._answer.stamp_ns is None or self._is_paused or self._is_done():
@@ -234,17 +239,26 @@ class SimulatorNode(RobotNode):
                 f'lockstep: no command stamped {self._answer.stamp_ns * 1e-9:.3f} s on '
                 f'{self._command_topic} for {self._options.lockstep_timeout:g} s; still waiting'
             )
-        if waited > NEWS_NS and not self._commanders() <= self._asked:
-            self._asked = self._commanders()
-            self._topics.resend(with_attitude=self._answer.needs_base)
-        elif waited > self._repeated_ns + REPEAT_NS:
-            self._repeated_ns = waited
+        if waited < self._repeated_ns + REPEAT_NS:
+            return
+        self._repeated_ns = waited
+        if self._answerers() <= self._asked:
             self._topics.repeat_clock()
+        else:
+            self._has_resent = True
+            self._topics.resend(with_attitude=self._answer.needs_base)
 
-    def _commanders(self) -> set[bytes]:
-        """Who gives commands: in lockstep a sample is sent again to who came after it, alone."""
-        endpoints = self.get_publishers_info_by_topic(self._command_topic)
-        return {bytes(endpoint.endpoint_gid) for endpoint in endpoints}
+    def _answerers(self) -> set[bytes]:
+        """Publishers of commands whose nodes get every sample that is sent from now on."""
+        if not self._topics.is_heard:
+            return set()
+        listeners = self.get_subscriptions_info_by_topic(self._topics.joint_topic)
+        hear = {(taker.node_namespace, taker.node_name) for taker in listeners}
+        return {
+            bytes(giver.endpoint_gid)
+            for giver in self.get_publishers_info_by_topic(self._command_topic)
+            if (giver.node_namespace, giver.node_name) in hear
+        }
 
     def _advance(self) -> None:
         """Lockstep: take the answer, and step until the joints are sampled again."""
@@ -256,6 +270,8 @@ class SimulatorNode(RobotNode):
         if wrench is not None:
             self._held.set_wrench(wrench, self.step_index)
         self._answer.clear()
+        if self._has_resent:
+            self._has_resent, self._asked = False, self._answerers()
         self.step()
         while self._answer.stamp_ns is None and not self._is_done():
             self.step()

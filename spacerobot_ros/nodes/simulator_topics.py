@@ -40,14 +40,15 @@ class SimulatorTopics:
         self.forget()
 
     @property
+    def joint_topic(self) -> str:
+        """Name of the topic of the joint states."""
+        return str(self._publishers['/joint_states'].topic_name)
+
+    @property
     def is_heard(self) -> bool:
         """Whether all subscribers of the joint states, at least one, get what is sent now."""
         takers = self._publishers['/joint_states'].get_subscription_count()
-        return (
-            0
-            < takers
-            == self._node.count_subscribers(self._publishers['/joint_states'].topic_name)
-        )
+        return 0 < takers == self._node.count_subscribers(self.joint_topic)
 
     def forget(self) -> None:
         """Drop the samples that could be sent again, and when topics were sent last [ns]."""

@@ -12,6 +12,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from support.models import table_one, to_urdf, wheel_joints, with_wheels
 
+from spacerobot_ros.nodes import simulator
 from spacerobot_ros.nodes.pace import IdleTime
 from spacerobot_ros.nodes.simulator import SimulatorNode
 from spacerobot_ros.recording import messages
@@ -131,6 +132,24 @@ def test_unanswered_samples_are_sent_again_to_a_controller_that_came_late(bench)
     node.create_publisher(JointState, '/joint_commands', STATE)
     bench.rig.until(lambda: late and clock)
     assert messages.stamp_ns(late[0].header.stamp) == messages.stamp_ns(clock[0].clock) == 0
+
+
+@pytest.mark.parametrize('is_one_node', [True, False])
+def test_lockstep_begins_once_who_commands_gets_the_samples(
+    rig, servicer, monkeypatch, is_one_node
+):
+    monkeypatch.setattr(simulator, 'LOOKS_AT_SEVERAL', 10**9 if is_one_node else 3)
+    ears, hands = rig.plain('ears'), rig.plain('hands')
+    heard = rig.listen(ears, JointState, '/joint_states', STATE)
+    hands.create_publisher(JointState, '/joint_commands', STATE)
+    sim = rig.add(SimulatorNode, servicer)
+    if is_one_node:
+        for _ in range(5):
+            rig.drain()
+        assert sim.awaited_ns is None  # its subscription is still to come
+        heard = rig.listen(hands, JointState, '/joint_states', STATE)
+    rig.until(lambda: heard)
+    assert sim.awaited_ns == 0
 
 
 def test_time_that_callbacks_take_is_no_time_without_an_answer():
