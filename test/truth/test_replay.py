@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections import Counter
 
@@ -182,14 +183,15 @@ def test_no_answer_changed(key, tmp_path):
     assert said['names'] == before['names']
 
 
-def test_a_run_goes_on_where_it_stopped(tmp_path, monkeypatch, capsys):
+def test_a_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
     """A line that was cut off is asked about again, a finished one is not."""
     keys = ['check-arm', 'arm-00']
     monkeypatch.setattr('validation.replay.__main__.fingerprint', lambda _: 'made')
     kept = tmp_path / 'answers-made.jsonl'
-    kept.write_text('{"key": "arm-00", "score": "right"}\n{"key": "check-')
+    done = answer('unexplained', score='right') | {'key': 'arm-00'}
+    kept.write_text(f'{json.dumps(done)}\n{{"key": "check-')
     answers = asked([line_of(key) for key in keys], ROOT, tmp_path, 1)
-    assert answers['arm-00'] == {'key': 'arm-00', 'score': 'right'}
+    assert answers['arm-00'] == done | {'truth': [], 'score': 'silent'}  # by the rule of today
     assert answers['check-arm']['verdict'] == 'good'
     assert read(kept).keys() == set(keys)
     shutil.copyfile(COMMITTED, tmp_path / 'answers.jsonl')

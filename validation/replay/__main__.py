@@ -23,6 +23,7 @@ from typing import Any
 from .asking import DATA, ROOT, ask, is_there
 from .changes import changes, summary
 from .records import HERE, ChangedRecordError, samples_of, simulate, table
+from .scoring import scored, truth_of
 
 COMMITTED = HERE / 'answers.jsonl'
 SAMPLES = HERE / 'samples.json'
@@ -59,6 +60,9 @@ def asked(lines: Sequence[dict[str, Any]], checkout: Path, out: Path, jobs: int)
     kept.parent.mkdir(parents=True, exist_ok=True)
     answers, failed = read(kept), False
     left = [line for line in lines if line['key'] not in answers]
+    for line in lines:  # by the rule as it is now
+        if old := answers.get(line['key']):
+            old |= {'truth': truth_of(line), 'score': scored(line, old)}
     print(f'{len(lines) - len(left)} of {len(lines)} are in {kept}', flush=True)
     begun = time.monotonic()
     with ProcessPoolExecutor(jobs) as pool:

@@ -25,6 +25,7 @@ _JUDGED = {  # those of several values that say how large an effect is; else xyz
     'inertial_parameters': ('mass',),
     'flexible_appendage': ('inertia', 'frequency'),
     'thruster_leak': ('force_x', 'force_y', 'force_z'),
+    'effort_delay': (),  # when within its period an effort acts is a convention: half a sample
 }
 _NOMINAL = {'joint_torque_constant': 1.0, 'encoder_scale': 1.0, 'joint_rate_scale': 1.0}
 
