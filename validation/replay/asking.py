@@ -39,21 +39,24 @@ def ask(line: Mapping[str, Any], checkout: Path, out: Path) -> Answer:
 
     Raises:
         ChangedRecordError: the record is not the one that was asked about before.
-        RuntimeError: the command failed otherwise than by refusing the data.
+        RuntimeError: the command failed otherwise than by refusing the data, or hung.
     """
     folder = _real(line, out) if 'data' in line else made(line, out / 'records')
     words = _words(line, folder)
     env = os.environ | {'PYTHONPATH': _path(checkout), 'OMP_NUM_THREADS': '1'}
-    used = _cpu_s()
-    ended = subprocess.run(
-        [sys.executable, '-W', 'ignore', '-c', _MAIN, *words],
-        cwd=folder,
-        env=env,
-        capture_output=True,
-        text=True,
-        timeout=_HUNG,
-        check=False,
-    )
+    used, command = _cpu_s(), [sys.executable, '-W', 'ignore', '-c', _MAIN, *words]
+    try:
+        ended = subprocess.run(
+            command,
+            cwd=folder,
+            env=env,
+            capture_output=True,
+            text=True,
+            timeout=_HUNG,
+            check=False,
+        )
+    except subprocess.TimeoutExpired as error:
+        raise RuntimeError(f'{line["key"]}: no answer in {_HUNG:.0f} s') from error
     answer = {'key': line['key'], 'asked': line['asked']}
     answer |= _read(line['asked'], ended, line['key']) | {'cpu_s': round(_cpu_s() - used, 1)}
     return answer | {'truth': truth_of(line), 'score': scored(line, answer)}
