@@ -15,7 +15,7 @@ import hashlib
 import json
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
@@ -42,6 +42,13 @@ def read(path: Path) -> Answers:
     return out
 
 
+def write(path: Path, answers: Iterable[dict[str, Any]]) -> None:
+    """One line an answer; whole, or as it was."""
+    part = path.with_suffix('.part')
+    part.write_text(''.join(f'{json.dumps(a)}\n' for a in answers), encoding='utf-8')
+    part.replace(path)
+
+
 def fingerprint(checkout: Path) -> str:
     """Of the package's sources: answers of other sources are not gone on with."""
     digest = hashlib.sha256()
@@ -63,6 +70,7 @@ def asked(lines: Sequence[dict[str, Any]], checkout: Path, out: Path, jobs: int)
     for line in lines:  # by the rule as it is now
         if old := answers.get(line['key']):
             old |= {'truth': truth_of(line), 'score': scored(line, old)}
+    write(kept, answers.values())  # without a line that was cut off
     print(f'{len(lines) - len(left)} of {len(lines)} are in {kept}', flush=True)
     begun = time.monotonic()
     with ProcessPoolExecutor(jobs) as pool:
@@ -90,9 +98,8 @@ def asked(lines: Sequence[dict[str, Any]], checkout: Path, out: Path, jobs: int)
 def accept(answers: Answers) -> None:
     """Make them the committed ones, in the order of the table."""
     all_of_them = read(COMMITTED) | answers
-    lines = [json.dumps(all_of_them[x['key']]) for x in table() if x['key'] in all_of_them]
-    COMMITTED.write_text('\n'.join(lines) + '\n', encoding='utf-8')
-    print(f'{COMMITTED.name}: {len(answers)} of {len(lines)} answers written')
+    write(COMMITTED, [all_of_them[x['key']] for x in table() if x['key'] in all_of_them])
+    print(f'{COMMITTED.name}: {len(answers)} of {len(all_of_them)} answers written')
 
 
 def store_samples(lines: Sequence[dict[str, Any]], out: Path) -> None:
