@@ -111,6 +111,14 @@ def test_values_are_said_from_one_deviation_on():
     assert f'deviation of coefficient of {VISCOUS} 0.1 -> 0.2' in text
 
 
+def test_a_model_that_misses_more_of_another_run_is_said():
+    before = named(VISCOUS, score='right', rms_of_another_run=0.3)
+    assert changes({'made': before}, {'made': before | {'rms_of_another_run': 0.302}}) == []
+    text, is_worse = words(before, before | {'rms_of_another_run': 0.33})
+    assert text == 'made: the extended model misses 0.3 -> 0.33 of another run'
+    assert not is_worse
+
+
 def test_time_is_said_and_is_not_worse():
     before = answer('consistent', score='right') | {'cpu_s': 10.0}
     assert words(before, before | {'cpu_s': 30.0}) == ('made: CPU 10 -> 30 s', False)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 _WIDER = 1.5  # factor on a standard deviation that is said
+_MISSES_MORE = 1.02  # factor on the rms error on another run that is said
 _SLOWER, _NOTICED = 1.5, 5.0  # factor on the CPU time of one answer that is said; and [s]
 Answer = Mapping[str, Any]
 
@@ -82,6 +83,9 @@ def _values(old: Answer, new: Answer) -> Iterator[str]:
                 yield f'{parameter} of {name} {was:.4g} -> {value:.4g} ({moved:.1f} deviations)'
             if std and not 1.0 / _WIDER < std / deviation < _WIDER:
                 yield f'deviation of {parameter} of {name} {deviation:.3g} -> {std:.3g}'
+    was, is_now = (x.get('rms_of_another_run') for x in (old, new))
+    if was and is_now and not 1.0 / _MISSES_MORE < is_now / was < _MISSES_MORE:
+        yield f'the extended model misses {was:.4g} -> {is_now:.4g} of another run'
 
 
 def _cpu(old: Answer, new: Answer) -> Iterator[str]:
