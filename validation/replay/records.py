@@ -5,8 +5,8 @@ change here, nor in `plant.py`, `effects.py` and `machines.py`: `samples.json` h
 every record, and a record that differs from them by more than 1e-9 of its channel is refused.
 
 Sizes are numbers, so that a blunter engine gets no easier exam. They were drawn once by the engine
-of 0b820b9, `times_limit` its detection limits: of a flight by `diagnosis_draw.drawn` on the record in
-which nothing is hidden, of an arm by the choice that its `diagnose` or `compare` makes there.
+of 0b820b9, `times_limit` its detection limits: of a flight by `diagnosis_draw.drawn` on the record
+in which nothing is hidden, of an arm by the choice that its `diagnose` or `compare` makes there.
 """
 
 from __future__ import annotations
