@@ -7,7 +7,7 @@ ENTER := source ./env.sh &&
 export PYTHON
 unexport PYTHONDONTWRITEBYTECODE # else every start compiles what was edited since the set-up
 
-.PHONY: help setup demo test docs lint fmt check bench fuzz build msgs lock clean
+.PHONY: help setup demo test docs lint fmt check bench replay fuzz build msgs lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z][a-z-]*:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' Makefile
@@ -44,6 +44,9 @@ check: lint test  ## what CI runs
 bench: setup  ## simulators side by side at equal accuracy; ARGS='--peers FOLDER' adds their environments
 	@$(ENTER) OMP_NUM_THREADS=1 python bench/simulation.py $(ARGS)
 	@$(ENTER) OMP_NUM_THREADS=1 python bench/regressor.py
+
+replay: setup  ## what changed of the answers to 130 recordings, in words; QUICK=1: twenty of them; ARGS='arm-00' some
+	@$(ENTER) python -m validation.replay $(if $(QUICK),--quick) $(ARGS)
 
 fuzz: setup  ## readers against inputs guided by coverage; ARGS='robot_file -max_total_time=60'; needs atheris
 	@$(ENTER) cd fuzz && python fuzz.py $(ARGS)
