@@ -64,7 +64,7 @@ class IdleTime:
         now: Gives wall time [ns].
     """
 
-    def __init__(self, period: float, now: Callable[[], int] = time.monotonic_ns) -> None:
+    def __init__(self, period: float, now: Callable[[], int]) -> None:
         self._period_ns, self._now = round(period * 1e9), now
         self.clear()
 

@@ -77,7 +77,7 @@ class SimulatorNode(RobotNode):
 
     @property
     def is_connected(self) -> bool:
-        """Whether someone takes the joint states and someone gives commands."""
+        """Whether all subscribers of the joint states are matched, and someone gives commands."""
         return (
             self.is_open
             and self._topics.is_heard
