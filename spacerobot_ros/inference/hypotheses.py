@@ -1,0 +1,237 @@
+"""All hypotheses about some rows: their marginal sums under any set of causes, and its objective.
+
+    J(S) = ln Z(S) + sum over S of log odds
+
+with Z the marginal likelihood of the rows, truncated by bounds as Laplace's approximation has it:
+by the loss of the nearest point that is allowed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..types import Array, IntArray
+from .bounded import nearest
+from .decisive import FAMILYWISE
+from .gram import Gram
+from .gram_blocks import GramBlocks
+from .hypothesis import Hypothesis, covariance_of, standardized
+from .interior_point import MatrixInequality
+from .marginal import Marginal
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Placed:
+    """A matrix inequality among more unknowns."""
+
+    columns: IntArray
+    offset: Array
+    basis: Array
+
+
+class Hypotheses:
+    """Hypotheses, each column of the rows belonging to one.
+
+    Args:
+        blocks: The rows.
+        every: The hypotheses; sets of causes are sets of their numbers.
+
+    Attributes:
+        bases: (k, k) of each, see `standardized`.
+        spikes: (K,) prior variance of every standardized coefficient where it is no cause's; a
+            cause's is one.
+        log_odds: (H,) prior log odds of each.
+    """
+
+    def __init__(self, blocks: GramBlocks, every: Sequence[Hypothesis]) -> None:
+        self.blocks, self.every = blocks, tuple(every)
+        owned = np.concatenate([np.zeros(0, dtype=int), *(h.columns for h in every)])
+        if not np.array_equal(np.sort(owned), np.arange(blocks.count)):
+            raise ValueError('each column has to belong to one hypothesis')
+        if len({h.key for h in every}) < len(every):
+            raise ValueError('two hypotheses have one key')
+        whole, self.bases, self.spikes = blocks.whole, list[Array](), np.zeros(blocks.count)
+        for h in self.every:
+            priors = covariance_of(h.slab), covariance_of(h.spike)
+            information = whole.matrix[np.ix_(h.columns, h.columns)]
+            basis, self.spikes[h.columns] = standardized(*priors, information, whole.rows)
+            self.bases.append(basis)
+        seen = np.diag(whole.matrix) > 0.0
+        self._is_seen = [bool(seen[h.columns].any()) for h in self.every]
+        asked = [
+            i for i, h in enumerate(self.every) if np.isfinite(h.log_odds) and self.is_seen(i)
+        ]
+        usual = -math.log(max(len(asked), 1)) - FAMILYWISE
+        self.log_odds = np.array([usual + h.log_odds for h in self.every])
+        self.always = frozenset(i for i, h in enumerate(self.every) if h.log_odds == math.inf)
+        self.numbers = {h.key: i for i, h in enumerate(self.every)}
+        self.open = frozenset(asked)
+        self._is_constrained = [h.is_constrained for h in self.every]
+
+    def is_seen(self, i: int) -> bool:
+        """Whether the rows say anything of a hypothesis."""
+        return self._is_seen[i]
+
+    @cached_property
+    def whole(self) -> Gram:
+        """Sums over all rows, of standardized coefficients."""
+        return self._standardized(self.blocks.whole, range(len(self.every)))
+
+    def _standardized(self, gram: Gram, which: Iterable[int]) -> Gram:
+        """Sums for the columns of some hypotheses, ascending, of standardized coefficients."""
+        which = list(which)
+        columns = self.columns_of(which)
+        matrix, vector = gram.matrix.copy(), gram.vector.copy()
+        for i in which:
+            at, basis = np.searchsorted(columns, self.every[i].columns), self.bases[i]
+            matrix[:, at] = matrix[:, at] @ basis
+            matrix[at] = basis.T @ matrix[at]
+            vector[at] = basis.T @ vector[at]
+        return Gram(matrix, vector, gram.square, gram.rows)
+
+    def grams(self, which: Sequence[int]) -> list[Gram]:
+        """Sums over each block for the columns of some hypotheses, standardized."""
+        columns = self.columns_of(which)
+        return [self._standardized(gram, which) for gram in self.blocks.grams(columns)]
+
+    def columns_of(self, which: Iterable[int]) -> IntArray:
+        """Columns of some hypotheses, ascending."""
+        own = [self.every[i].columns for i in which]
+        return np.sort(np.concatenate([np.zeros(0, dtype=int), *own]))
+
+    def variances(self, chosen: Iterable[int]) -> Array:
+        """(K,) prior variances of all standardized coefficients under a set of causes."""
+        out = self.spikes.copy()
+        out[self.columns_of(chosen)] = 1.0
+        return out
+
+    def active(self, chosen: Collection[int]) -> list[int]:
+        """Hypotheses whose coefficients are not zero under a set of causes."""
+        every = enumerate(self.every)
+        return [i for i, h in every if i in chosen or np.any(self.spikes[h.columns] > 0.0)]
+
+    def marginal(self, chosen: Collection[int]) -> Marginal:
+        """Of all rows and columns."""
+        columns = np.arange(self.blocks.count)
+        out = Marginal.of(self.whole, columns, self.variances(chosen))
+        return Marginal(columns, out.matrix, out.vector, out.log_density - self.blocks.log_scale)
+
+    def exchange(self, came: Iterable[int], gone: Iterable[int] = ()) -> tuple[IntArray, Array]:
+        """Columns whose priors change as causes come and go, and by how much; not ascending."""
+        came, gone = list(came), list(gone)
+        columns = np.concatenate([self.every[i].columns for i in (*came, *gone)])
+        change = 1.0 - self.spikes[columns]
+        change[sum(len(self.every[i].columns) for i in came) :] *= -1.0
+        return columns, change
+
+    def objective(self, marginal: Marginal, chosen: Collection[int]) -> float:
+        """J of a set of causes, by its marginal sums for the columns of its constrained causes."""
+        return self.evidence(marginal, chosen) + self.prior(chosen)
+
+    def prior(self, chosen: Iterable[int]) -> float:
+        """Log odds of a set of causes against none."""
+        return float(sum(self.log_odds[i] for i in chosen if i not in self.always))
+
+    def evidence(self, marginal: Marginal, chosen: Iterable[int]) -> float:
+        """Log evidence ln Z of a set of causes."""
+        return marginal.log_density - self._nearest(marginal, self.constrained(chosen))[1]
+
+    def constrained(self, which: Iterable[int]) -> list[int]:
+        """Those of some hypotheses whose coefficients can not be any."""
+        return [i for i in which if self._is_constrained[i]]
+
+    def mean(self, marginal: Marginal, chosen: Collection[int]) -> Array:
+        """(K,) most probable coefficients, as they are given: causes within bounds, bodies bodies.
+
+        What is only tolerated has no bounds, but has to stay a body.
+        """
+        active = self.active(chosen)
+        tolerated = [i for i in active if i not in chosen and self._is_whole_body(i)]
+        held = [*self.constrained(chosen), *tolerated]
+        variances = self.variances(chosen)
+        z = variances * marginal.vector
+        at = self.columns_of(held)
+        if len(at):
+            wanted, loss = self._nearest(marginal, held, variances, frozenset(chosen))
+            if loss > 0.0:
+                covariance = marginal.covariance(at, variances[at])
+                force = np.linalg.solve(covariance, wanted - z[at])
+                across = variances[:, None] * marginal.matrix[:, at] * variances[at]
+                z = z - across @ force
+                z[at] = wanted
+        out = np.zeros(len(z))
+        for h, basis in zip(self.every, self.bases, strict=True):
+            out[h.columns] = basis @ z[h.columns]
+        return out
+
+    def _is_whole_body(self, i: int) -> bool:
+        h = self.every[i]
+        return h.body is not None and bool(np.all(self.spikes[h.columns] > 0.0))
+
+    def _nearest(
+        self,
+        marginal: Marginal,
+        held: Sequence[int],
+        variances: Array | None = None,
+        bounded: frozenset[int] | None = None,
+    ) -> tuple[Array, float]:
+        """Standardized coefficients of constrained hypotheses, and what constraints cost [nats].
+
+        Args:
+            marginal: At least for their columns.
+            held: The hypotheses.
+            variances: (K,) prior variances of all; None: all held ones are causes.
+            bounded: Those that bounds hold for; None: all.
+        """
+        columns = self.columns_of(held)
+        if not len(columns):
+            return np.zeros(0), 0.0
+        prior = np.ones(len(columns)) if variances is None else variances[columns]
+        basis = np.zeros((len(columns), len(columns)))
+        lower, upper = np.full(len(columns), -np.inf), np.full(len(columns), np.inf)
+        bodies: list[MatrixInequality] = []
+        for i in held:
+            h, at = self.every[i], np.searchsorted(columns, self.every[i].columns)
+            basis[np.ix_(at, at)] = self.bases[i]
+            if bounded is None or i in bounded:
+                lower[at], upper[at] = h.least, h.most
+            if h.body is not None:
+                bodies.append(_Placed(at[h.body.columns], h.body.offset, h.body.basis))
+        mean = basis @ marginal.mean(columns, prior)
+        covariance = basis @ marginal.covariance(columns, prior) @ basis.T
+        sizes = np.sqrt(np.sum((basis * np.sqrt(prior)) ** 2, axis=1))
+        x, loss = nearest(mean, covariance, sizes, (lower, upper), bodies)
+        return np.asarray(np.linalg.solve(basis, x)), loss
+
+    def dependents(self, chosen: Collection[int], gone: Iterable[int]) -> frozenset[int]:
+        """What goes from a set of causes with some: these, and what needs them."""
+        out = set(gone)
+        while True:
+            keys = {self.every[i].key for i in chosen if i not in out}
+            more = {
+                i
+                for i in chosen
+                if i not in out and self.every[i].needs and not self.every[i].needs & keys
+            }
+            if not more:
+                return frozenset(out)
+            out |= more
+
+    def may_join(self, i: int, chosen: Collection[int]) -> bool:
+        """Whether a hypothesis may be a cause beside a set of causes."""
+        h, others = self.every[i], [self.every[k] for k in chosen]
+        keys = {other.key for other in others}
+        is_alone = not any(
+            self.family(i) == self.family(k) or h.key in self.every[k].excludes for k in chosen
+        )
+        return is_alone and not h.excludes & keys and (not h.needs or bool(h.needs & keys))
+
+    def family(self, i: int) -> object:
+        """What a hypothesis is a variant of."""
+        h = self.every[i]
+        return h.key if h.family is None else h.family
