@@ -43,16 +43,16 @@ CLUSTERS = 30
 to 1 / sqrt(60) = 13 %."""
 
 FOLLOWED = 3
-"""Best exchanges for each cause beside which a further hypothesis is tried: it bounds the run time,
-and `test/inference/test_model_search.py` has how often the search then misses the best set."""
+"""Best exchanges for each cause beside which a further hypothesis is tried: bounds the run time;
+`test/inference/test_model_search.py` has how often the search then misses the best set."""
 
 RISE = 1e-6
 """Nats that a move of the search must gain. Rounding of log densities is 1e-16 of up to 1e7 nats,
 so no move is taken back for it, and the search can not cycle."""
 
 UPDATES = 8
-"""Rank updates of the marginal sums before they are made anew. Unit information bounds what a prior
-changes by the number of rows, 1e5, so that an update loses 1e5 times the rounding, 1e-16."""
+"""Rank updates of the marginal sums before they are made anew. Unit information bounds what a
+prior changes by the number of rows, 1e5, so that an update loses 1e5 times the rounding, 1e-16."""
 
 RANK = 1e-10
 """Of the largest eigenvalue of a group's information: less is no direction of its own. Rounding of

@@ -16,13 +16,13 @@ NEVER_HELD_OUT = -1
 """In place of a recording's number: of rows that hold what no data tell, in every part."""
 
 
-class _Block(Protocol):
+class _KeptBlock(Protocol):
     def of(self, columns: IntArray) -> Gram:
         """Sums for some columns."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Rows:
+class _KeptRows:
     columns: Array
     data: Array
 
@@ -31,7 +31,7 @@ class _Rows:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Sums:
+class _KeptSums:
     gram: Gram
 
     def of(self, columns: IntArray) -> Gram:
@@ -60,7 +60,7 @@ class GramBlocks:
         self.whole = Gram(np.zeros((count, count)), np.zeros(count), 0.0, 0)
         self.recording: list[int] = []
         self.log_scale = 0.0
-        self._blocks: list[_Block] = []
+        self._blocks: list[_KeptBlock] = []
         self._information: list[Array] = []
 
     def add(self, columns: Array, data: Array, recording: int = 0, log_scale: float = 0.0) -> None:
@@ -71,12 +71,12 @@ class GramBlocks:
 
     def add_sums(self, gram: Gram, recording: int = 0, log_scale: float = 0.0) -> None:
         """Add a block of which only sums are known."""
-        self._blocks.append(_Sums(gram))
+        self._blocks.append(_KeptSums(gram))
         self.recording.append(recording)
         self._count_in(gram, log_scale)
 
     def _append(self, gram: Gram | None, columns: Array, data: Array, recording: int) -> None:
-        self._blocks.append(_Rows(columns, data) if gram is None else _Sums(gram))
+        self._blocks.append(_KeptRows(columns, data) if gram is None else _KeptSums(gram))
         self.recording.append(recording)
 
     def _count_in(self, gram: Gram, log_scale: float) -> None:
