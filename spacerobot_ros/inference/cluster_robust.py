@@ -18,8 +18,7 @@ import numpy as np
 
 from ..types import Array, IntArray
 from .decisive import CLUSTERS
-from .hypotheses import Hypotheses
-from .marginal import Marginal
+from .hypotheses import FittedBlocks, Hypotheses
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,28 +50,23 @@ class RobustCovariance:
 
 
 def robust_covariance(
-    hypotheses: Hypotheses, marginal: Marginal, chosen: Collection[int]
+    hypotheses: Hypotheses, fitted: FittedBlocks, chosen: Collection[int]
 ) -> RobustCovariance:
     """Of a set of causes.
 
     Args:
-        hypotheses: All of them; the rows are in `CLUSTERS` blocks or more, each some correlation
-            times of the noise long.
-        marginal: All rows under the set.
+        hypotheses: All of them.
+        fitted: The rows in `CLUSTERS` blocks or more, each some correlation times of the noise
+            long.
         chosen: The set.
 
     Raises:
         ValueError: there are fewer blocks.
     """
-    active = hypotheses.active(chosen)
-    grams = [gram for gram in hypotheses.grams(active) if gram.rows]
-    if len(grams) < CLUSTERS:
-        raise ValueError(f'{len(grams)} blocks of rows, fewer than {CLUSTERS}')
-    columns, own = hypotheses.columns_of(active), hypotheses.columns_of(chosen)
-    variances = hypotheses.variances(chosen)
-    mean = marginal.mean(columns, variances[columns])
-    covariance = marginal.covariance(columns, variances[columns])
-    at = np.searchsorted(columns, own)
+    if len(fitted.grams) < CLUSTERS:
+        raise ValueError(f'{len(fitted.grams)} blocks of rows, fewer than {CLUSTERS}')
+    own, covariance = hypotheses.columns_of(chosen), fitted.covariance
+    at = np.searchsorted(fitted.columns, own)
     inside = covariance[np.ix_(at, at)]
     # rows of `project` give causes' columns with all else, as far as it is free, taken out
     project = np.linalg.solve(inside, covariance[at])
@@ -80,18 +74,18 @@ def robust_covariance(
     basis = _basis(hypotheses, chosen, own)
     turned = basis @ inside
     total, white = np.zeros(len(own)), list[Array]()
-    for gram in grams:
+    for gram in fitted.grams:
         information = project @ gram.matrix @ project.T
-        score = project @ (gram.vector - gram.matrix @ mean)
+        score = project @ (gram.vector - gram.matrix @ fitted.mean)
         lost = min(float(np.sum(others * gram.matrix)) / gram.rows, _MOST_LEVERAGE)
         score = _unbiased(inside, information, score) / np.sqrt(1.0 - lost)
         total += (turned @ score) ** 2
         white.append(np.sum((turned @ information) * turned, axis=1))
     inherent = np.sum(white, axis=0)
-    variance = np.diag(basis @ inside @ basis.T)
-    wider = np.sqrt(np.maximum(1.0 + (total - inherent) / variance, 1.0))
+    matrix = basis @ inside @ basis.T
+    wider = np.sqrt(np.maximum(1.0 + (total - inherent) / np.diag(matrix), 1.0))
     freedom = inherent**2 / np.maximum(np.sum(np.square(white), axis=0), np.finfo(float).tiny)
-    return RobustCovariance(own, basis @ inside @ basis.T, wider, freedom)
+    return RobustCovariance(own, matrix, wider, freedom)
 
 
 _MOST_LEVERAGE = 0.99  # of a block's rows that other columns fit

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +9,7 @@ from scipy.special import chdtrc
 
 from ..types import Array
 from .decisive import MISFIT
-from .hypotheses import Hypotheses
-from .marginal import Marginal
+from .hypotheses import FittedBlocks
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,23 +45,12 @@ class Goodness:
         return self.p_value >= MISFIT
 
 
-def goodness(hypotheses: Hypotheses, marginal: Marginal, chosen: Collection[int]) -> Goodness:
-    """Of a set of causes.
+def goodness(fitted: FittedBlocks) -> Goodness:
+    """Of a fit of blocks of rows.
 
-        E |y_c - X_c m|^2 = r_c - tr(V X_c' X_c)
-
-    Args:
-        hypotheses: All of them.
-        marginal: All rows under the set.
-        chosen: The set.
+    E |y_c - X_c m|^2 = r_c - tr(V X_c' X_c)
     """
-    active = hypotheses.active(chosen)
-    columns = hypotheses.columns_of(active)
-    variances = hypotheses.variances(chosen)[columns]
-    mean, covariance = (f(columns, variances) for f in (marginal.mean, marginal.covariance))
-    grams = [gram for gram in hypotheses.grams(active) if gram.rows]
-    used = np.array([np.sum(covariance * gram.matrix) for gram in grams])
-    return Goodness(
-        np.array([gram.misfit(mean) for gram in grams]),
-        np.maximum(np.array([gram.rows for gram in grams]) - used, np.finfo(float).eps),
-    )
+    rows = np.array([gram.rows for gram in fitted.grams])
+    used = np.array([np.sum(fitted.covariance * gram.matrix) for gram in fitted.grams])
+    squares = np.array([gram.misfit(fitted.mean) for gram in fitted.grams])
+    return Goodness(squares, np.maximum(rows - used, np.finfo(float).eps))

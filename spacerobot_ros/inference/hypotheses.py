@@ -12,6 +12,7 @@ import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,6 +33,20 @@ class _Placed:
     columns: IntArray
     offset: Array
     basis: Array
+
+
+class FittedBlocks(NamedTuple):
+    """Blocks of rows with the coefficients that a set of causes gives to all columns in use.
+
+    Args:
+        columns: (n,) these. mean: (n,) standardized coefficients. covariance: (n, n).
+        grams: Sums over every block that has rows.
+    """
+
+    columns: IntArray
+    mean: Array
+    covariance: Array
+    grams: list[Gram]
 
 
 class Hypotheses:
@@ -86,8 +101,13 @@ class Hypotheses:
         """Sums for the columns of some hypotheses, ascending, of standardized coefficients."""
         which = list(which)
         columns = self.columns_of(which)
-        matrix, vector = gram.matrix.copy(), gram.vector.copy()
+        scale = np.ones(len(columns))
+        wide = [i for i in which if len(self.bases[i]) > 1]
         for i in which:
+            if len(self.bases[i]) == 1:
+                scale[np.searchsorted(columns, self.every[i].columns)] = self.bases[i][0, 0]
+        matrix, vector = scale[:, None] * gram.matrix * scale, scale * gram.vector
+        for i in wide:
             at, basis = np.searchsorted(columns, self.every[i].columns), self.bases[i]
             matrix[:, at] = matrix[:, at] @ basis
             matrix[at] = basis.T @ matrix[at]
@@ -120,6 +140,16 @@ class Hypotheses:
         columns = np.arange(self.blocks.count)
         out = Marginal.of(self.whole, columns, self.variances(chosen))
         return Marginal(columns, out.matrix, out.vector, out.log_density - self.blocks.log_scale)
+
+    def fitted(self, marginal: Marginal, chosen: Collection[int]) -> FittedBlocks:
+        """Every block under a set of causes, by its marginal sums for all columns."""
+        active = self.active(chosen)
+        columns, variances = self.columns_of(active), self.variances(chosen)
+        mean, covariance = (
+            of(columns, variances[columns]) for of in (marginal.mean, marginal.covariance)
+        )
+        grams = [gram for gram in self.grams(active) if gram.rows]
+        return FittedBlocks(columns, mean, covariance, grams)
 
     def exchange(self, came: Iterable[int], gone: Iterable[int] = ()) -> tuple[IntArray, Array]:
         """Columns whose priors change as causes come and go, and by how much; not ascending."""

@@ -146,6 +146,7 @@ def _inferred(
     barred: set[int],
 ) -> Inferred:
     mean = hypotheses.mean(found.marginal, found.chosen)
+    fitted = hypotheses.fitted(found.marginal, found.chosen)
     causes = [
         InferredCause(h, mean[h.columns], gains[i], tuple(others[i]))
         for i, h in ((i, hypotheses.every[i]) for i in gains)
@@ -154,8 +155,8 @@ def _inferred(
         tuple(sorted(causes, key=lambda cause: -cause.log_odds)),
         hypotheses.evidence(found.marginal, found.chosen),
         mean,
-        robust_covariance(hypotheses, found.marginal, found.chosen) if found.chosen else None,
+        robust_covariance(hypotheses, fitted, found.chosen) if found.chosen else None,
         held_out.density(),
-        goodness(hypotheses, found.marginal, found.chosen),
+        goodness(fitted),
         frozenset(hypotheses.every[i].key for i in barred),
     )
