@@ -71,7 +71,7 @@ def robust_covariance(
     # rows of `project` give causes' columns with all else, as far as it is free, taken out
     project = np.linalg.solve(inside, covariance[at])
     others = covariance - covariance[:, at] @ project
-    basis = _basis(hypotheses, chosen, own)
+    basis = hypotheses.basis(chosen)
     turned = basis @ inside
     total, white = np.zeros(len(own)), list[Array]()
     for gram in fitted.grams:
@@ -89,15 +89,6 @@ def robust_covariance(
 
 
 _MOST_LEVERAGE = 0.99  # of a block's rows that other columns fit
-
-
-def _basis(hypotheses: Hypotheses, chosen: Collection[int], columns: IntArray) -> Array:
-    """(k, k) coefficients as they are given by standardized ones."""
-    out = np.zeros((len(columns), len(columns)))
-    for i in chosen:
-        at = np.searchsorted(columns, hypotheses.every[i].columns)
-        out[np.ix_(at, at)] = hypotheses.bases[i]
-    return out
 
 
 def _unbiased(covariance: Array, information: Array, score: Array) -> Array:

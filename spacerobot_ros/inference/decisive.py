@@ -50,6 +50,10 @@ RISE = 1e-6
 """Nats that a move of the search must gain. Rounding of log densities is 1e-16 of up to 1e7 nats,
 so no move is taken back for it, and the search can not cycle."""
 
+CUTS, CUT_LOSS = 60, 0.01
+"""Planes that stand for a matrix inequality: their number bounds the run time; the last one that
+costs less than a hundredth of a nat, far below any odds, ends them before."""
+
 UPDATES = 8
 """Rank updates of the marginal sums before they are made anew. Unit information bounds what a
 prior changes by the number of rows, 1e5, so that an update loses 1e5 times the rounding, 1e-16."""

@@ -9,7 +9,7 @@ by the loss of the nearest point that is allowed.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence, Set
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -22,7 +22,7 @@ from .decisive import FAMILYWISE
 from .gram import Gram
 from .gram_blocks import GramBlocks
 from .hypothesis import Hypothesis, covariance_of, standardized
-from .interior_point import MatrixInequality
+from .interior_point import ConstrainedProblem, MatrixInequality
 from .marginal import Marginal
 
 
@@ -84,7 +84,15 @@ class Hypotheses:
         usual = -math.log(max(len(asked), 1)) - FAMILYWISE
         self.log_odds = np.array([usual + h.log_odds for h in self.every])
         self.always = frozenset(i for i, h in enumerate(self.every) if h.log_odds == math.inf)
-        self.numbers = {h.key: i for i, h in enumerate(self.every)}
+        numbers = {h.key: i for i, h in enumerate(self.every)}
+        excluded = [{numbers[k] for k in h.excludes if k in numbers} for h in self.every]
+        self._conflicts = [
+            self.family(i) | excluded[i] | {k for k, own in enumerate(excluded) if i in own}
+            for i in range(len(self.every))
+        ]
+        self._needs = [
+            {numbers[k] for k in h.needs if k in numbers} if h.needs else None for h in self.every
+        ]
         self.open = frozenset(asked)
         self._is_constrained = [h.is_constrained for h in self.every]
 
@@ -159,17 +167,33 @@ class Hypotheses:
         change[sum(len(self.every[i].columns) for i in came) :] *= -1.0
         return columns, change
 
-    def objective(self, marginal: Marginal, chosen: Collection[int]) -> float:
-        """J of a set of causes, by its marginal sums for the columns of its constrained causes."""
-        return self.evidence(marginal, chosen) + self.prior(chosen)
+    def objective(
+        self, marginal: Marginal, chosen: Collection[int], least: float = -math.inf
+    ) -> float:
+        """J of a set of causes.
+
+        Args:
+            marginal: Sums under it for at least the columns of its constrained causes.
+            chosen: The set.
+            least: J below which only that it is less matters.
+        """
+        odds = self.prior(chosen)
+        return self.evidence(marginal, chosen, least - odds) + odds
 
     def prior(self, chosen: Iterable[int]) -> float:
         """Log odds of a set of causes against none."""
         return float(sum(self.log_odds[i] for i in chosen if i not in self.always))
 
-    def evidence(self, marginal: Marginal, chosen: Iterable[int]) -> float:
-        """Log evidence ln Z of a set of causes."""
-        return marginal.log_density - self._nearest(marginal, self.constrained(chosen))[1]
+    def evidence(
+        self, marginal: Marginal, chosen: Iterable[int], least: float = -math.inf
+    ) -> float:
+        """Log evidence ln Z of a set of causes; see `objective`."""
+        held = self.constrained(chosen)
+        if not held:
+            return marginal.log_density
+        ones, density = np.ones(self.blocks.count), marginal.log_density
+        mean, covariance, constraints = self._placed(marginal, held, ones, held)
+        return density - nearest(mean, covariance, *constraints, enough=density - least)[1]
 
     def constrained(self, which: Iterable[int]) -> list[int]:
         """Those of some hypotheses whose coefficients can not be any."""
@@ -183,17 +207,19 @@ class Hypotheses:
         active = self.active(chosen)
         tolerated = [i for i in active if i not in chosen and self._is_whole_body(i)]
         held = [*self.constrained(chosen), *tolerated]
-        variances = self.variances(chosen)
+        variances, at = self.variances(chosen), self.columns_of(held)
         z = variances * marginal.vector
-        at = self.columns_of(held)
-        if len(at):
-            wanted, loss = self._nearest(marginal, held, variances, frozenset(chosen))
+        if held:
+            own, covariance, constraints = self._placed(marginal, held, variances, chosen)
+            x, loss = nearest(own, covariance, *constraints)
             if loss > 0.0:
-                covariance = marginal.covariance(at, variances[at])
-                force = np.linalg.solve(covariance, wanted - z[at])
+                if constraints[1]:  # cuts leave a body's edge a little
+                    x = _inside(own, covariance, *constraints)
                 across = variances[:, None] * marginal.matrix[:, at] * variances[at]
-                z = z - across @ force
-                z[at] = wanted
+                across[at] -= np.diag(variances[at])
+                basis = self.basis(held)
+                z -= across @ basis.T @ np.linalg.solve(covariance, x - own)
+                z[at] = np.linalg.solve(basis, x)
         out = np.zeros(len(z))
         for h, basis in zip(self.every, self.bases, strict=True):
             out[h.columns] = basis @ z[h.columns]
@@ -203,65 +229,82 @@ class Hypotheses:
         h = self.every[i]
         return h.body is not None and bool(np.all(self.spikes[h.columns] > 0.0))
 
-    def _nearest(
+    def _placed(
         self,
         marginal: Marginal,
         held: Sequence[int],
-        variances: Array | None = None,
-        bounded: frozenset[int] | None = None,
-    ) -> tuple[Array, float]:
-        """Standardized coefficients of constrained hypotheses, and what constraints cost [nats].
+        variances: Array,
+        bounded: Collection[int],
+    ) -> tuple[Array, Array, tuple[tuple[Array, Array], list[MatrixInequality]]]:
+        """Coefficients of constrained hypotheses, as they are given, and what constrains them.
 
         Args:
             marginal: At least for their columns.
             held: The hypotheses.
-            variances: (K,) prior variances of all; None: all held ones are causes.
-            bounded: Those that bounds hold for; None: all.
+            variances: (K,) prior variances of all.
+            bounded: Those that bounds hold for.
+
+        Returns:
+            Mean and covariance without, and bounds and inequalities.
         """
-        columns = self.columns_of(held)
-        if not len(columns):
-            return np.zeros(0), 0.0
-        prior = np.ones(len(columns)) if variances is None else variances[columns]
-        basis = np.zeros((len(columns), len(columns)))
+        columns, basis = self.columns_of(held), self.basis(held)
         lower, upper = np.full(len(columns), -np.inf), np.full(len(columns), np.inf)
         bodies: list[MatrixInequality] = []
         for i in held:
             h, at = self.every[i], np.searchsorted(columns, self.every[i].columns)
-            basis[np.ix_(at, at)] = self.bases[i]
-            if bounded is None or i in bounded:
+            if i in bounded:
                 lower[at], upper[at] = h.least, h.most
             if h.body is not None:
                 bodies.append(_Placed(at[h.body.columns], h.body.offset, h.body.basis))
-        mean = basis @ marginal.mean(columns, prior)
-        covariance = basis @ marginal.covariance(columns, prior) @ basis.T
-        sizes = np.sqrt(np.sum((basis * np.sqrt(prior)) ** 2, axis=1))
-        x, loss = nearest(mean, covariance, sizes, (lower, upper), bodies)
-        return np.asarray(np.linalg.solve(basis, x)), loss
+        mean = basis @ marginal.mean(columns, variances[columns])
+        covariance = basis @ marginal.covariance(columns, variances[columns]) @ basis.T
+        return mean, covariance, ((lower, upper), bodies)
 
-    def dependents(self, chosen: Collection[int], gone: Iterable[int]) -> frozenset[int]:
+    def basis(self, which: Iterable[int]) -> Array:
+        """(k, k) coefficients of hypotheses as they are given, by standardized ones."""
+        which = list(which)
+        columns = self.columns_of(which)
+        out = np.zeros((len(columns), len(columns)))
+        for i in which:
+            at = np.searchsorted(columns, self.every[i].columns)
+            out[np.ix_(at, at)] = self.bases[i]
+        return out
+
+    def dependents(self, chosen: Set[int], gone: Iterable[int]) -> frozenset[int]:
         """What goes from a set of causes with some: these, and what needs them."""
-        out = set(gone)
+        out = frozenset(gone)
         while True:
-            keys = {self.every[i].key for i in chosen if i not in out}
-            more = {
-                i
-                for i in chosen
-                if i not in out and self.every[i].needs and not self.every[i].needs & keys
-            }
+            rest = chosen - out
+            needing = ((i, self._needs[i]) for i in rest)
+            more = {i for i, needs in needing if needs is not None and rest.isdisjoint(needs)}
             if not more:
-                return frozenset(out)
+                return out
             out |= more
 
-    def may_join(self, i: int, chosen: Collection[int]) -> bool:
+    def may_join(self, i: int, chosen: Set[int]) -> bool:
         """Whether a hypothesis may be a cause beside a set of causes."""
-        h, others = self.every[i], [self.every[k] for k in chosen]
-        keys = {other.key for other in others}
-        is_alone = not any(
-            self.family(i) == self.family(k) or h.key in self.every[k].excludes for k in chosen
+        needs = self._needs[i]
+        return chosen.isdisjoint(self._conflicts[i]) and (
+            needs is None or not chosen.isdisjoint(needs)
         )
-        return is_alone and not h.excludes & keys and (not h.needs or bool(h.needs & keys))
 
-    def family(self, i: int) -> object:
-        """What a hypothesis is a variant of."""
-        h = self.every[i]
-        return h.key if h.family is None else h.family
+    def family(self, i: int) -> frozenset[int]:
+        """All variants of what a hypothesis is one of."""
+        own = self.every[i].family
+        every = enumerate(self.every)
+        return frozenset(k for k, h in every if k == i or (own is not None and h.family == own))
+
+
+def _inside(
+    mean: Array,
+    covariance: Array,
+    bounds: tuple[Array, Array],
+    inequalities: Sequence[MatrixInequality],
+) -> Array:
+    """(k,) the nearest point where all matrices are positive definite."""
+    information = np.linalg.inv(covariance)
+    information = 0.5 * (information + information.T)
+    sizes = np.sqrt(np.diag(covariance))
+    return ConstrainedProblem(
+        information, information @ mean, sizes, *bounds, inequalities
+    ).solve()

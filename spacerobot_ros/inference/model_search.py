@@ -8,7 +8,7 @@ to find the best. Each move raises one objective: the search ends, and can not c
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,7 +90,7 @@ def _ahead(hypotheses: Hypotheses, now: ChosenSet, barred: Collection[int]) -> C
     return _best(hypotheses, now, [*_twofold(hypotheses, now, free, may_go, exchanges)])
 
 
-def _joining(hypotheses: Hypotheses, free: Iterable[int], chosen: Collection[int]) -> list[int]:
+def _joining(hypotheses: Hypotheses, free: Iterable[int], chosen: Set[int]) -> list[int]:
     return [i for i in free if hypotheses.may_join(i, chosen)]
 
 
@@ -126,7 +126,7 @@ def _twofold(
                     yield _Move(came | {i}, gone)
 
 
-def _fits(hypotheses: Hypotheses, came: Iterable[int], chosen: Collection[int]) -> bool:
+def _fits(hypotheses: Hypotheses, came: Iterable[int], chosen: Set[int]) -> bool:
     return all(hypotheses.may_join(i, chosen) for i in came)
 
 
@@ -140,7 +140,7 @@ def _best(hypotheses: Hypotheses, now: ChosenSet, moves: Sequence[_Move]) -> Cho
     for k in np.argsort(-gains, kind='stable').tolist():
         if gains[k] <= most:
             break
-        gain = _objective_after(hypotheses, now, moves[k]) - now.objective
+        gain = _objective_after(hypotheses, now, moves[k], now.objective + most) - now.objective
         if gain > most:
             best, most = moves[k], gain
     return None if best is None else _after(hypotheses, now, best)
@@ -159,13 +159,13 @@ def _gains(hypotheses: Hypotheses, now: ChosenSet, moves: Sequence[_Move]) -> Ar
     return out
 
 
-def _objective_after(hypotheses: Hypotheses, now: ChosenSet, move: _Move) -> float:
-    """J after a move, from the columns that it takes alone."""
+def _objective_after(hypotheses: Hypotheses, now: ChosenSet, move: _Move, least: float) -> float:
+    """J after a move, by its columns alone; where it is less than `least`, only that it is."""
     chosen = (now.chosen - move.gone) | move.came
     asked = {*hypotheses.constrained(chosen), *move.came, *move.gone}
     local = now.marginal.part(hypotheses.columns_of(asked))
     local = local.changed(*hypotheses.exchange(move.came, move.gone))
-    return hypotheses.objective(local, chosen)
+    return hypotheses.objective(local, chosen, least)
 
 
 def _after(hypotheses: Hypotheses, now: ChosenSet, move: _Move) -> ChosenSet:

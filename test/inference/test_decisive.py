@@ -1,0 +1,63 @@
+"""Every number that decides stands in one table, with its reason."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import spacerobot_ros.inference
+
+ROOM = Path(spacerobot_ros.inference.__file__).parent
+TABLE = ROOM / 'decisive.py'
+PLAIN = {0, 1, 2, 0.5}
+MODULES = sorted(path for path in ROOM.glob('*.py') if path != TABLE)
+
+
+def numbers(node: ast.AST) -> list[float]:
+    """Literals in an expression that are not plain; in index and shape they decide nothing."""
+    return [
+        n.value
+        for n in ast.walk(node)
+        if isinstance(n, ast.Constant)
+        and isinstance(n.value, int | float)
+        and not isinstance(n.value, bool)
+        and n.value not in PLAIN
+    ]
+
+
+def deciding(tree: ast.AST) -> list[tuple[int, float]]:
+    """Line and value of every other literal in a comparison or a default argument."""
+    out = []
+    for node in ast.walk(tree):
+        parts: list[ast.AST] = []
+        if isinstance(node, ast.Compare):
+            parts = [node]
+        elif isinstance(node, ast.FunctionDef | ast.Lambda):
+            parts = [d for d in (*node.args.defaults, *node.args.kw_defaults) if d is not None]
+        out += [(part.lineno, value) for part in parts for value in numbers(part)]
+    return out
+
+
+@pytest.mark.parametrize('path', MODULES, ids=lambda path: path.name)
+def test_no_other_literal_decides(path):
+    assert not deciding(ast.parse(path.read_text(encoding='utf-8')))
+
+
+@pytest.mark.parametrize(
+    'text', ['x > 3.0 * y', 'def f(a=0.1): pass', 'def f(*, a=7): pass', 'lambda a=1e-3: a']
+)
+def test_the_test_sees_literals(text):
+    assert deciding(ast.parse(text))
+
+
+def test_every_number_of_the_table_has_its_reason():
+    body = ast.parse(TABLE.read_text(encoding='utf-8')).body
+    numbers_at = [k for k, node in enumerate(body) if isinstance(node, ast.Assign)]
+    assert 10 < len(numbers_at) <= 20
+    for k in numbers_at:
+        reason = body[k + 1]
+        assert isinstance(reason, ast.Expr)
+        assert isinstance(reason.value, ast.Constant)
+        assert len(reason.value.value) > 40

@@ -1,0 +1,66 @@
+"""Sums over blocks, and which of them are held out together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from spacerobot_ros.inference.gram import Gram
+from spacerobot_ros.inference.gram_blocks import NEVER_HELD_OUT, GramBlocks, merged
+
+
+def test_blocks_of_rows_and_of_sums_say_the_same(rng):
+    X, y = rng.standard_normal((70, 12)), rng.standard_normal(70)
+    by_rows, by_sums = GramBlocks(12), GramBlocks(12)
+    for own in np.split(np.arange(70), [5, 40]):  # fewer rows than columns, and more
+        by_rows.add(X[own], y[own])
+        by_sums.add_sums(Gram.of(X[own], y[own]))
+    want = Gram.of(X, y)
+    for blocks in (by_rows, by_sums):
+        np.testing.assert_allclose(blocks.whole.matrix, want.matrix, rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(blocks.whole.vector, want.vector, rtol=0.0, atol=1e-12)
+        assert blocks.whole.square == pytest.approx(want.square)
+    columns = np.array([1, 4, 11])
+    for one, other in zip(by_rows.grams(columns), by_sums.grams(columns), strict=True):
+        np.testing.assert_allclose(one.matrix, other.matrix, rtol=0.0, atol=1e-12)
+        assert one.rows == other.rows
+
+
+def blocks_that_tell(*recordings: int, told: tuple[int, ...] = ()) -> GramBlocks:
+    """Two columns; only the first is seen in blocks that do not tell of the second."""
+    blocks = GramBlocks(2)
+    for k, recording in enumerate(recordings):
+        blocks.add(np.array([[1.0, float(k in told)]] * 3), np.ones(3), recording)
+    return blocks
+
+
+def parts(blocks: GramBlocks, column: int) -> list[int]:
+    return blocks.parts(np.array([column]), np.ones(1)).tolist()
+
+
+def test_recordings_judge_where_two_or_more_tell():
+    blocks = blocks_that_tell(0, 0, 1, 1, 2, told=(0, 4))
+    assert parts(blocks, 0) == [0, 0, 1, 1, 2]
+    assert parts(blocks, 1) == [0, 0, -1, -1, 1]
+
+
+def test_runs_of_blocks_judge_in_one_recording():
+    assert parts(blocks_that_tell(*[0] * 9), 0) == [0, 0, 1, 1, 2, 2, 3, 4, 5]
+    blocks = blocks_that_tell(0, 0, 0, 1, told=(0, 2))
+    assert parts(blocks, 1) == [0, -1, 1, -1]
+
+
+def test_what_holds_everything_is_never_held_out():
+    blocks = blocks_that_tell(0, 1)
+    blocks.add(np.array([[1e3, 0.0]]), np.zeros(1), NEVER_HELD_OUT)
+    assert parts(blocks, 0) == [0, 1, -1]
+
+
+def test_a_part_sums_its_blocks():
+    grams = [Gram(np.eye(1) * k, np.zeros(1), 0.0, k) for k in range(5)]
+    assert [g.rows for g in merged(grams, np.array([1, -1, 0, 0, 1]))] == [5, 4]
+
+
+def test_a_block_of_other_columns_is_refused():
+    with pytest.raises(ValueError, match='a block of 3 columns, not 2'):
+        GramBlocks(2).add(np.zeros((4, 3)), np.zeros(4))
