@@ -50,6 +50,18 @@ class HeldOut:
         full, *rest = map(self._evidence, [self._full, *self._rests(self._labels(self._chosen))])
         return full - np.array(rest)
 
+    def squares(self) -> tuple[Array, Array]:
+        """(P,) squared rows of each part, and what is left of them by values of the others."""
+        labels = self._labels(self._chosen)
+        columns = self._hypotheses.columns_of(self._active)
+        variances = self._hypotheses.variances(self._chosen)[columns]
+        parts = [part for part in merged(self._grams, labels) if part.rows]
+        means = (
+            Marginal.of(self._whole - p, columns, variances).vector * variances for p in parts
+        )
+        after = [part.misfit(mean) for part, mean in zip(parts, means, strict=True)]
+        return np.array([part.square for part in parts]), np.array(after)
+
     def _labels(self, which: Collection[int]) -> IntArray:
         every = which or range(len(self._hypotheses.every))
         columns = self._hypotheses.columns_of(every)

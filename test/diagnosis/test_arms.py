@@ -10,10 +10,10 @@ import pytest
 
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section, named
 from spacerobot_ros.diagnosis.answer.output import to_dict
-from spacerobot_ros.diagnosis.arms.arm_evidence import evidence_of
-from spacerobot_ros.diagnosis.arms.held_out_checks import check_bodies, check_held_out
-from spacerobot_ros.diagnosis.arms.selection import Selection
 from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.diagnosis.old.arm_evidence import evidence_of
+from spacerobot_ros.diagnosis.old.held_out_checks import check_bodies, check_held_out
+from spacerobot_ros.diagnosis.old.selection import Selection
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects, changed_robot
 from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.estimation.balance.arm_fit import ArmFit

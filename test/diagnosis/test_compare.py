@@ -13,11 +13,11 @@ import pytest
 from support.contracts import keeps
 
 from spacerobot_ros.cli.main import main
-from spacerobot_ros.diagnosis.arms.held_out_checks import holds
 from spacerobot_ros.diagnosis.comparison.change_conclusion import conclude_changes
 from spacerobot_ros.diagnosis.comparison.compare import compare
 from spacerobot_ros.diagnosis.comparison.moments import Moments
 from spacerobot_ros.diagnosis.limits import CHANCE
+from spacerobot_ros.diagnosis.old.held_out_checks import holds
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import RecordingError

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.diagnosis.arms.arm_found import ArmFound
-from spacerobot_ros.diagnosis.arms.selection import Selection
 from spacerobot_ros.diagnosis.discovery.arm_channels import ArmMotions
 from spacerobot_ros.diagnosis.discovery.fitted_laws import candidate_of, with_laws
 from spacerobot_ros.diagnosis.discovery.possible_laws import Law
 from spacerobot_ros.diagnosis.events.arm_events import ArmEvents
+from spacerobot_ros.diagnosis.old.selection import Selection
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.laws.grammar import FORMS
 from spacerobot_ros.estimation.balance.arm_fit import ArmFit

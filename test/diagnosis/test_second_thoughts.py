@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.diagnosis.arms.arms import levels_of
-from spacerobot_ros.diagnosis.arms.selection import Selection
+from spacerobot_ros.diagnosis.old.selection import Selection
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.balance.arm_levels import leftover_levels
 from spacerobot_ros.estimation.balance.arm_rows import ArmRows

@@ -16,10 +16,10 @@ from operator import itemgetter
 from typing import Any
 
 import numpy as np
+from spacerobot_ros.diagnosis.arms.selection import Selection
 
 from spacerobot_ros.diagnosis.arms.arm_conclusion import conclude_arm
 from spacerobot_ros.diagnosis.arms.arms import find_arm_causes
-from spacerobot_ros.diagnosis.arms.selection import Selection
 from spacerobot_ros.diagnosis.comparison.change_conclusion import conclude_changes
 from spacerobot_ros.diagnosis.comparison.compare import compare
 from spacerobot_ros.display import Table, table_of

@@ -29,6 +29,8 @@ class Evidence:
         p_value: Of such a gain by chance, for one candidate.
         held_out_gain: Share of the held-out excess misfit that it removes, from 0 to 1.
         placebo_gain: Largest held-out share among placebo extensions of the same size.
+        log_odds: Against the best set of causes without it.
+        elpd_gain: Log predictive density that it adds to held-out parts.
     """
 
     log_likelihood_gain: float = math.nan
@@ -36,6 +38,8 @@ class Evidence:
     p_value: float = math.nan
     held_out_gain: float = math.nan
     placebo_gain: float = math.nan
+    log_odds: float = math.nan
+    elpd_gain: float = math.nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,12 +49,14 @@ class Rival:
     Args:
         effect: Its id. where: Its place. bic_gap: By how much it fits worse.
         motion: The motion that would separate the two.
+        log_odds: Of the named cause against the best set with this one in its place.
     """
 
     effect: str
     where: str | None
-    bic_gap: float
+    bic_gap: float = math.nan
     motion: str = ''
+    log_odds: float = math.nan
 
     @property
     def key(self) -> Key:

@@ -49,12 +49,11 @@ def scale_notes(found: ArmFound) -> tuple[str, ...]:
     )
 
 
-def ratios(found: ArmFound, scatter: float) -> tuple[Ratio, ...]:
+def ratios(found: ArmFound) -> tuple[Ratio, ...]:
     """Of every joint on a branch of the machine without a measured torque.
 
     Args:
         found: What the search says.
-        scatter: Chi-square by freedom of causes between the parts of the data.
     """
     rows, fit = found.fit.rows, found.fit
     joints = [rows.robot.joints[j] for branch in rows.unanchored for j in branch]
@@ -89,7 +88,7 @@ def ratios(found: ArmFound, scatter: float) -> tuple[Ratio, ...]:
         moved = at(step * np.eye(len(fit.values))[k])
         for key, value in own.items():
             slopes[key][n] = (moved.get(key, value) - value) / step
-    covariance = max(1.0, scatter) * fit.posterior.covariance[np.ix_(columns, columns)]
+    covariance = fit.covariance(np.array(columns, dtype=int))
     return tuple(
         Ratio(
             joint=joint,

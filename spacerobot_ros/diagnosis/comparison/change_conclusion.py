@@ -15,9 +15,9 @@ from ...types import Array
 from ..answer.cause import Estimated, Rival
 from ..answer.result import Series
 from ..answer.words import at, first_few, telling, value_in_words
-from ..arms.arm_evidence import rivals_of
-from ..arms.least_size import deviation_along
 from ..events.event_limits import EXPLAINED
+from ..old.arm_evidence import rivals_of
+from ..old.least_size import deviation_along
 from .changes import Changes
 from .named_from import named_from
 

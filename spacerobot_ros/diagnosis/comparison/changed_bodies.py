@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from ..arms.held_out_checks import check_held_out, predicted_better
-from ..arms.selection import Selection
 from ..limits import HELD_OUT
+from ..old.held_out_checks import check_held_out, predicted_better
+from ..old.selection import Selection
 
 
 def drop_needless_bodies(selection: Selection) -> None:

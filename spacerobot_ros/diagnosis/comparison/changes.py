@@ -13,8 +13,8 @@ from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.columns import Candidate
 from ...model.robot import Robot
 from ...types import Array
-from ..arms.arm_found import is_clear
-from ..arms.selection import Selection
+from ..limits import CHANCE
+from ..old.selection import Selection
 from .moments import Moments
 from .put_on import PutOn, exchanged, put_on
 
@@ -94,7 +94,7 @@ def clear_fit(selection: Selection, wider: Callable[[int], float] = lambda i: 1.
     """
     while True:
         fit = ArmFit(selection.rows, selection.whole, tuple(selection.chosen))
-        unclear = [i for i in fit.chosen if not is_clear(fit, i, wider(i))]
+        unclear = [i for i in fit.chosen if fit.chance(i, wider(i)) >= CHANCE]
         if not unclear:
             return fit
         selection.drop(min(unclear, key=selection.gain))

@@ -29,8 +29,8 @@ from ...recording.faults.data_faults import check_data
 from ...recording.record import Record
 from ...types import Array, IntArray
 from ..arms.arm_found import refuse_rest
-from ..arms.held_out_checks import check_held_out
-from ..arms.selection import Selection
+from ..old.held_out_checks import check_held_out
+from ..old.selection import Selection
 from .changed_bodies import drop_needless_bodies
 from .changes import ChangeRows, Changes, clear_fit
 from .moments import Moments

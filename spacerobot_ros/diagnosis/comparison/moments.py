@@ -20,8 +20,8 @@ import numpy as np
 from ...estimation.balance.arm_fit import Posterior
 from ...estimation.inference.evidence import Gram, fisher_limit, fisher_tail
 from ...types import Array, IntArray
-from ..arms.selection import Selection
 from ..limits import CHANCE
+from ..old.selection import Selection
 
 
 @dataclass(frozen=True, slots=True, eq=False)

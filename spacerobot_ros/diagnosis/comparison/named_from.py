@@ -8,8 +8,8 @@ import numpy as np
 
 from ...estimation.inference.evidence import Gram, log_evidence
 from ...types import Array
-from ..arms.held_out_checks import holds
-from ..arms.selection import Selection
+from ..old.held_out_checks import holds
+from ..old.selection import Selection
 
 _STEP, _STEPS = 1.25, 12  # up to 14 times the least size
 

@@ -26,8 +26,8 @@ from ...estimation.inference.evidence import sum_of
 from ...model.robot import Robot
 from ...recording.record import Record
 from ...types import Array
-from ..arms.held_out_checks import check_held_out
-from ..arms.selection import Selection
+from ..old.held_out_checks import check_held_out
+from ..old.selection import Selection
 from .changes import ChangeRows, Changes, clear_fit
 
 FEWEST = 3

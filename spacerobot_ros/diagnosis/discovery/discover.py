@@ -15,7 +15,7 @@ from ...estimation.balance.arm_priors import COUPLED, DRY, is_kind_of
 from ...estimation.balance.balance import rms
 from ..answer.result import Leftover
 from ..arms.arm_found import WORSE, ArmFound
-from ..arms.arm_spread import birge_of, clear_causes, usual_scatter
+from ..limits import CHANCE as NO_CHANCE
 from .arm_channels import PARTLY_SEEN, REPLACEABLE, ArmMotions, JointChannel
 from .channel_laws import (
     HeldLaw,
@@ -170,20 +170,19 @@ def _applied(
         fitted = replace(fitted, learned=tuple(law for law in laws if law is not None))
         worse = rms(fitted.extended) > before
         is_refused = (fitted.ratios > WORSE).any()
-        clear, usual = clear_causes(fitted), usual_scatter(fitted)
         is_out = [
             law is None
             or (law.form.has_history and it.place in named)
             or worse[joints.index(it.place)]
             or is_refused
-            or i not in clear
+            or fitted.fit.chance(i) >= NO_CHANCE
             for (it, _), law, i in zip(pairs, laws, numbers, strict=True)
         ]
         entries = [
             leftover_of(
                 it,
                 free.coefficients,
-                fitted.fit.spread(i, birge_of(fitted, i, usual)),
+                fitted.fit.spread(i),
                 motions.rows.robot,
                 applied=None if out else law,
                 is_of_several=several,

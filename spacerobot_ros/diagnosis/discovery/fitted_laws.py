@@ -10,19 +10,16 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...effects.laws.learned_torque import LearnedTorque, law_at
-from ...estimation.balance.arm_fit import ArmFit
 from ...estimation.balance.arm_priors import NOTHING
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.arm_rows_about import about_loads
 from ...estimation.columns import Candidate
 from ...model.machine import machine_of
 from ...types import Array, BoolArray
-from ..arms.applicable import plain_of
 from ..arms.arm_found import ArmFound
-from ..arms.arm_spread import clear_causes
 from ..arms.arms import levels_of
-from ..arms.selection import Selection
-from ..limits import LARGEST_LAW
+from ..arms.fitted_arm import FittedArm
+from ..limits import CHANCE, LARGEST_LAW
 from .arm_channels import ArmMotions
 from .possible_laws import Law
 
@@ -109,8 +106,7 @@ def with_laws(
     """Causes and laws fitted together, and the laws' numbers among the candidates.
 
     What a law has in common with causes is theirs: shared out, a friction would lose half of its
-    size to a law with the same term, and all of its certainty. Rows count for more where causes
-    made a joint worse, see `applicable`: without these they do not.
+    size to a law with the same term, and all of its certainty.
 
     Args:
         found: The causes.
@@ -132,24 +128,17 @@ def with_laws(
         for i, law in zip(numbers, laws, strict=True)
     ]
     rows = rows_with(own)
-    rough = Selection.of(rows, [*found.levels])
-    rough.chosen = [*causes, *numbers]
-    levels = levels_of(rows, rough)
-    selection = Selection.of(rows, levels)
-    selection.chosen = list(rough.chosen)
-    weights = np.ones_like(found.weights) if dropped else found.weights
-    plain = plain_of(selection, levels, weights)
-    fit = ArmFit(rows, selection.whole, tuple(selection.chosen), plain.whole)
-    has_corrections = len(found.calibration) > len(found.fit.chosen) - len(found.clear)
-    out = replace(found, selection=selection, fit=fit, levels=np.array(levels), weights=weights)
-    clear = tuple(i for i in clear_causes(out) if i in causes and i in found.clear)
+    both = [*causes, *numbers]
+    levels = levels_of(rows, FittedArm.of(rows, [*found.levels], both))
+    fit = FittedArm.of(rows, levels, both)
+    out = replace(found, fit=fit, levels=np.array(levels))
+    clear = tuple(i for i in causes if i in found.clear and fit.chance(i) < CHANCE)
     unclear = [i for i in causes if i not in clear]
-    corrections = fit.calibration if has_corrections else []
     out = replace(
         out,
         clear=clear,
         named=tuple(fit.effects(clear)),
-        calibration=tuple(fit.effects([*unclear, *corrections])),
+        calibration=tuple(fit.effects([*unclear, *fit.calibration])),
     )
     return out, numbers
 

@@ -22,7 +22,7 @@ from .arm_columns import columns_of
 from .arm_priors import DRY, NOTHING, Machine
 from .balance import Balance, rms
 from .leftover import JointRows, with_unit_shapes
-from .row_blocks import blocks_of, moments_of
+from .row_blocks import blocks_of, clusters_of, moments_of
 
 _TOLERATED = 1e-3  # of a size; `arm_priors` gives less to what no machine has
 
@@ -234,8 +234,16 @@ class ArmRows:
     @property
     def by_moments(self) -> ArmRows:
         """The same rows in blocks of a moment each."""
+        return self._cut(moments_of(self.balances))
+
+    @property
+    def in_clusters(self) -> ArmRows:
+        """The same rows in blocks that err each for itself."""
+        return self._cut(clusters_of(self.balances))
+
+    def _cut(self, blocks: list[IntArray]) -> ArmRows:
         out = self._alike(self.about)
-        out.__dict__['blocks'] = blocks = moments_of(self.balances)
+        out.__dict__['blocks'] = blocks
         pairs = [*zip(self.balances, blocks, strict=True)]
         out.__dict__['joints'] = [
             replace(rows, block=np.concatenate([own[self.rows_at(b, k)] for b, own in pairs]))

@@ -5,10 +5,12 @@ Blocks of a recording have as many rows in which anything moves: others say noth
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from ...inference.decisive import CLUSTERS
 from ...types import IntArray
 from .balance import Balance
 
@@ -32,6 +34,16 @@ def moments_of(balances: Sequence[Balance]) -> list[IntArray]:
     least = sum(map(_length, balances)) / _MOST
     counts = (_length(b) / max(_MOMENT / b.arm.band, least) for b in balances)
     return _cut(balances, [max(1, round(count)) for count in counts])
+
+
+def clusters_of(balances: Sequence[Balance]) -> list[IntArray]:
+    """The same for what errs for itself: moments, or shorter ones where these are too few."""
+    whole = sum(map(_length, balances))
+    counts = [
+        max(_length(b) * b.arm.band / _MOMENT, _length(b) * CLUSTERS / whole) for b in balances
+    ]
+    most = max(sum(counts) / _MOST, 1.0)
+    return _cut(balances, [max(1, math.ceil(count / most)) for count in counts])
 
 
 def _cut(balances: Iterable[Balance], counts: Iterable[int]) -> list[IntArray]:
