@@ -31,7 +31,7 @@ from spacerobot_ros.inference.model_search import ChosenSet
 SIZES, ROWS, ODDS = (1, 1, 1, 2, 2, 3), 40, 3.0
 NARROW = 0.15
 """Deviation of a tolerance by that of a cause: chains cross between the two."""
-CHAINS, WARM_UP, SAMPLES = 4, 1500, 5000
+CHAINS, WARM_UP, SAMPLES = 4, 1000, 3000
 ERRORS, ROUGHLY = 5.0, 0.01
 """Standard errors of a chain, and a probability beside them, that it may be off by: 20 problems
 compare 520 numbers."""
