@@ -31,7 +31,7 @@ from spacerobot_ros.inference.model_search import ChosenSet
 SIZES, ROWS, ODDS = (1, 1, 1, 2, 2, 3), 40, 3.0
 NARROW = 0.15
 """Deviation of a tolerance by that of a cause: chains cross between the two."""
-CHAINS, WARM_UP, SAMPLES = 4, 1000, 3000
+CHAINS, WARM_UP, SAMPLES = 4, 1000, 2000
 ERRORS, ROUGHLY = 5.0, 0.01
 """Standard errors of a chain, and a probability beside them, that it may be off by: 20 problems
 compare 520 numbers."""
@@ -91,20 +91,20 @@ def sampled(seed: int, X: np.ndarray, y: np.ndarray, hypotheses: Hypotheses) -> 
     from numpyro.diagnostics import effective_sample_size, gelman_rubin
 
     numpyro.enable_x64()
-    roots = [np.linalg.cholesky(h.slab) for h in hypotheses.every]
-    log_odds = hypotheses.log_odds
+    log_odds, groups = hypotheses.log_odds, range(len(hypotheses.every))
 
     def log_weights(x: Any, i: int) -> tuple[Any, Any]:
         """Log density of a group's coefficients as a cause and as none, with its odds."""
-        at, root = hypotheses.every[i].columns, roots[i]
-        square = jnp.sum(jnp.linalg.solve(root, x[at]) ** 2)
-        wide = -0.5 * square + log_odds[i]
-        return wide, -0.5 * square / NARROW**2 - len(at) * np.log(NARROW)
+        at = hypotheses.every[i].columns
+        squares = jnp.linalg.solve(hypotheses.bases[i], x[at]) ** 2
+        narrow = hypotheses.spikes[at]
+        wide = -0.5 * jnp.sum(squares) + log_odds[i]
+        return wide, -0.5 * jnp.sum(squares / narrow) - 0.5 * np.sum(np.log(narrow))
 
     def model() -> None:
         with numpyro.handlers.mask(mask=False):
             x = numpyro.sample('x', numpyro.distributions.Normal(0.0, 1.0).expand([len(X.T)]))
-        prior = sum(jnp.logaddexp(*log_weights(x, i)) for i in range(len(roots)))
+        prior = sum(jnp.logaddexp(*log_weights(x, i)) for i in groups)
         numpyro.factor('rows', -0.5 * jnp.sum((y - X @ x) ** 2) + prior)
 
     kernel = numpyro.infer.NUTS(model, target_accept_prob=0.9)
@@ -120,7 +120,7 @@ def sampled(seed: int, X: np.ndarray, y: np.ndarray, hypotheses: Hypotheses) -> 
     x = chains.get_samples(group_by_chain=True)['x']
 
     def shares(one: Any) -> Any:
-        pairs = (log_weights(one, i) for i in range(len(roots)))
+        pairs = (log_weights(one, i) for i in groups)
         return jnp.stack([jax.nn.sigmoid(wide - narrow) for wide, narrow in pairs])
 
     cause = np.asarray(jax.vmap(jax.vmap(shares))(x))
@@ -172,6 +172,7 @@ def main() -> int:
     """Compare, write, say."""
     parser = argparse.ArgumentParser(description=(__doc__ or '').splitlines()[0])
     parser.add_argument('--problems', type=int, default=20)
+    parser.add_argument('--first', type=int, default=0, help='first seed')
     parser.add_argument('--out', type=Path, default=Path('validation/posteriors.jsonl'))
     asked = parser.parse_args()
     try:
@@ -181,7 +182,7 @@ def main() -> int:
         return 2
     lines = asked.out.read_text(encoding='utf-8').splitlines() if asked.out.exists() else []
     done = {one['seed']: one for one in map(json.loads, lines)}
-    for seed in range(asked.problems):
+    for seed in range(asked.first, asked.first + asked.problems):
         if seed not in done:
             done[seed] = compared(seed)
             with asked.out.open('a', encoding='utf-8') as file:
