@@ -1,4 +1,4 @@
-"""`spacerobot demo`: identify and use the wheels' momentum, on ROS 2 nodes in one process.
+"""`spacerobot demo`: the whole loop on ROS 2 nodes, with a report
 
 Run simulator, identifier and controller as ROS 2 nodes in one process, in lockstep:
   1. excite the arm with a controller that knows nothing of the captured satellite's wheels, and
@@ -21,17 +21,14 @@ examples:
 
 from __future__ import annotations
 
-import argparse
 import os
-import sys
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .options import check_folder
-from .terminal import Stage, print_sections, progress
+from . import options as opt
+from .terminal import print_sections, progress
 
 if TYPE_CHECKING:
     from ..demo.results import DemoResults
@@ -41,19 +38,25 @@ if TYPE_CHECKING:
 _BAGS = ('bag', 'bag_no_aam', 'bag_identified')
 
 
-def run(args: argparse.Namespace) -> int:
+@opt.command(__doc__)
+@opt.path('--out', metavar='DIR', default='out/demo', help='folder for the results')
+@opt.path('--robot', metavar='YAML', help='robot file (default: the servicer of the package)')
+@opt.count('--seed', "seed of the sensor noise (default: the file's)")
+@opt.switch('--quick', help='identify from one pass of the motion, not from two')
+@opt.switch('--live', help='let other ROS 2 processes on this machine see the topics meanwhile')
+def run(out: str, robot: str | None, seed: int | None, quick: bool, live: bool) -> int:
     """Run the demonstration; 0 when it reached its aims, 1 when not."""
-    if not args.live:  # other nodes on these topics would disturb it
+    if not live:  # other nodes on these topics would disturb it
         os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
     from ..model.files import written_whole
     from ..recording.bags.bag_writer import check_target
 
-    out = check_folder(args.out)
+    folder = opt.check_folder(out)
     for name in _BAGS:
-        check_target(out / name, overwrite=True)
-    with written_whole(out) as work:  # an interrupted run leaves the results before it
-        file = _robot_file(args)
-        results = _results(args, file, work)
+        check_target(folder / name, overwrite=True)
+    with written_whole(folder) as work:  # an interrupted run leaves the results before it
+        file = _robot_file(robot, seed)
+        results = _results(file, 1 if quick else 2, folder, work)
         from ..demo.page import demo_report, demo_summary
         from ..json_values import json_text
         from ..model.files import write_text
@@ -66,12 +69,12 @@ def run(args: argparse.Namespace) -> int:
 
         write_text(work / 'summary.json', json_text(results.summary()))
         write_report(demo_report(results, scene), work / 'report.html')
-    print_sections(demo_summary(results, out))
+    print_sections(demo_summary(results, folder))
     return 0 if results.reached else 1
 
 
-def _results(args: argparse.Namespace, file: RobotFile, work: Path) -> DemoResults:
-    """All runs."""
+def _results(file: RobotFile, passes: int, folder: Path, work: Path) -> DemoResults:
+    """All runs, written to a folder that will have another name."""
     from ..demo.results import DemoResults, truth_of
     from ..demo.run import check_file, identify, track
     from ..simulation.truth import true_robot
@@ -80,12 +83,12 @@ def _results(args: argparse.Namespace, file: RobotFile, work: Path) -> DemoResul
     check_file(file)
     settings = file.settings
     bags = [work / name for name in _BAGS]
-    passes, length = 1 if args.quick else 2, settings.reference.duration
+    length = settings.reference.duration
     truth = truth_of(file.robot, true_robot(file.robot, settings), settings.identifier.structure)
     with progress() as bars:
-        exciting = _stage(bars, 'tracking without the wheels, identifying them', passes * length)
+        exciting = bars('tracking without the wheels, identifying them', passes * length)
         found = identify(file, passes, bags[:2], exciting)
-        tracking = _stage(bars, 'tracking with them', length)
+        tracking = bars('tracking with them', length)
         identified = track(file, found.estimates[-1], bags[2], tracking)
     return DemoResults(
         robot=file.robot.name,
@@ -95,22 +98,15 @@ def _results(args: argparse.Namespace, file: RobotFile, work: Path) -> DemoResul
         no_aam=found.until(length),
         identified=identified,
         truth=truth,
-        bags=tuple(str(Path(args.out) / name) for name in _BAGS),
+        bags=tuple(str(folder / name) for name in _BAGS),
         wall=time.perf_counter() - started,
     )
 
 
-def _robot_file(args: argparse.Namespace) -> RobotFile:
+def _robot_file(robot: str | None, seed: int | None) -> RobotFile:
     from ..effects.robot_file import load_robot_file
     from ..model.loader import package_folder
 
-    path = args.robot or package_folder('spacerobot_ros') / 'config' / 'servicer.yaml'
+    path = robot or package_folder('spacerobot_ros') / 'config' / 'servicer.yaml'
     file = load_robot_file(path)
-    return replace(file, settings=file.settings.changed({'simulator.seed': args.seed}))
-
-
-def _stage(bars: Stage, what: str, total: float) -> Callable[[float], None]:
-    """A progress bar; one line where stderr is no terminal."""
-    if not sys.stderr.isatty():
-        print(f'{what} ({total:g} s simulated)', file=sys.stderr, flush=True)
-    return bars(what, total)
+    return replace(file, settings=file.settings.changed({'simulator.seed': seed}))
