@@ -83,5 +83,5 @@ def run(words: Sequence[str]) -> int:
     except click.exceptions.Exit as done:
         return done.exit_code
     except click.UsageError as error:
-        program = error.ctx.command_path if error.ctx else 'spacerobot'
+        program = ' '.join(['spacerobot', *(word for word in words[:1] if word in COMMANDS)])
         raise SpaceRobotError(f'{error.format_message()} ({program} --help says more)') from error

@@ -17,6 +17,8 @@ examples:
   spacerobot demo --seed 7 --out out/seed_7
   spacerobot demo --robot config/seven_joints.yaml
   ros2 bag play out/demo/bag
+
+exit status: 0 what was identified tracks as it should, 1 it does not, 2 unusable input
 """
 
 from __future__ import annotations

@@ -15,6 +15,8 @@ examples:
   spacerobot simulate --robot config/servicer.yaml -o run2 --seed 2 --law computed_torque_no_aam
   spacerobot simulate --robot config/minisat.yaml -o adapting --law adaptive_composite
   ros2 bag info run
+
+exit status: 0 recorded, 2 unusable input
 """
 
 from __future__ import annotations

@@ -137,15 +137,11 @@ def test_a_client_that_is_killed_loses_what_is_in_flight_alone(tmp_path, alone):
 
 
 def test_without_dask_there_is_one_process(monkeypatch, capsys):
-    import argparse
-
     from spacerobot_ros.cli import options
 
     monkeypatch.setattr(workers_module, 'has_dask', lambda: False)
-    parser = argparse.ArgumentParser()
-    options.add_arguments(parser, 'workers')
-    found = options.workers_of(parser.parse_args(['--jobs', '4']), isolated=True)
+    found = options.workers_of(isolated=True, jobs=4)
     assert found.number == 0
     assert capsys.readouterr().err.count('\n') == 1
     with pytest.raises(ConfigurationError, match='needs dask'):
-        options.workers_of(parser.parse_args(['--scheduler', 'tcp://a:1']), isolated=True)
+        options.workers_of(isolated=True, scheduler='tcp://a:1')
