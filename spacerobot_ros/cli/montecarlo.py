@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from ..batch.ranges import Ranges
 
 _BLOCKS = {False: 4, True: 500}  # runs of a task: seconds of work
-_DYNAMICS = 'computed torque in continuous time, exact sensors; a hundred times as fast'
+_DYNAMICS = 'dynamics alone: computed torque in continuous time, exact sensors; 100 times as fast'
 _REPLAY = 'one run again: its numbers and, but for --dynamics, its bag in DIR/run_RUN'
 
 

@@ -54,8 +54,8 @@ def in_bash(tmp_path, monkeypatch):
         line = ' '.join(f'"{word}"' for word in words)
         ask = (
             f'compopt() {{ echo "{FILES}"; }}; source <(spacerobot completion bash); '
-            f'COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _spacerobot_completion spacerobot; '
-            'echo "${COMPREPLY[@]}"'
+            f'COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _spacerobot_completion spacerobot;'
+            ' echo "${COMPREPLY[@]}"'
         )
         done = subprocess.run(['bash', '-c', ask], capture_output=True, text=True, check=True)
         return done.stdout.split()
