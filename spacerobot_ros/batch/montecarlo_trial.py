@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Sequence
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from .. import __version__
 from ..control.computed_torque import torque_limits
 from ..control.joint_reference import build_reference
 from ..control.loop import Command, ControlLoop
@@ -45,6 +48,31 @@ def trial_block(key: str) -> dict[str, list[Row]]:
     if asked['is_dynamics']:
         return {'rows': dynamics_rows(ranges, numbers)}
     return {'rows': [closed_loop_row(ranges, run) for run in numbers]}
+
+
+def block_keys(path: str, ranges: Ranges, is_dynamics: bool, size: int) -> list[str]:
+    """Keys of all runs, as `trial_block` takes them.
+
+    Args:
+        path: The file of the ranges.
+        ranges: What stands there.
+        is_dynamics: Whether the dynamics run alone.
+        size: Runs of a block.
+    """
+    files = {'ranges': path, 'robot': ranges.robot_path}
+    parts = [__version__, *(Path(file).read_text(encoding='utf-8') for file in files.values())]
+    parts.append(ranges.robot_file.robot.urdf)
+    asked = hashlib.sha256('\0'.join(parts).encode()).hexdigest()[:16]
+    paths = {name: str(Path(file).absolute()) for name, file in files.items()}
+    same = {**paths, 'is_dynamics': is_dynamics, 'asked': asked}
+    firsts = range(0, ranges.runs, size)
+    return [json.dumps({**same, 'first': k, 'last': min(k + size, ranges.runs)}) for k in firsts]
+
+
+def failed_rows(key: str, why: str) -> list[Row]:
+    """Rows of the runs of a block that failed."""
+    block = json.loads(key)
+    return [{RUN: run, 'error': why} for run in range(block['first'], block['last'])]
 
 
 @lru_cache(maxsize=4)

@@ -10,7 +10,7 @@ import json
 import os
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,10 @@ from ..diagnosis.findings import Findings, Question, findings
 from ..diagnosis.quality.excited import count_told
 from ..diagnosis.quality.quality import quality_of
 from ..effects.catalogue import changed_robot
+from ..effects.own_kinds import source_files
+from ..effects.robot_file import load_robot_file
 from ..errors import SpaceRobotError
+from ..model.files import read_text
 from ..recording.record import Record
 from ..recording.tables.table import FORMATS, kind_of
 from ..report.diagnosis_files import write_answer
@@ -56,6 +59,44 @@ class Recording:
         """Name, size and time of change of each file: other data have another."""
         found = ((p.name, p.stat()) for p in self.files)
         return [(name, s.st_size, s.st_mtime_ns) for name, s in found]
+
+    def key(self, question: Question, folder: Path, asked: str) -> str:
+        """All that its answer depends on, as `diagnose_one` takes it.
+
+        Args:
+            question: What is asked of every recording.
+            folder: The fleet's, which its report goes below.
+            asked: `digest` of the question.
+        """
+        own = replace(question, data=(str(self.path.absolute()),))
+        out = str((folder / 'reports' / self.name).absolute())
+        return json.dumps(
+            {'question': asdict(own), 'out': out, 'stamp': self.stamp(), 'asked': asked}
+        )
+
+    def about(self, folder: Path) -> dict[str, Any]:
+        """Where it comes from, and its report below the fleet's folder."""
+        report = Path('reports') / self.name / 'report.html'
+        has_report = not self.fault and (folder / report).exists()
+        return {
+            'name': self.name,
+            'machine': self.machine,
+            'path': str(self.path),
+            'report': str(report) if has_report else None,
+        }
+
+
+def digest(question: Question) -> str:
+    """What answers depend on beside the recordings.
+
+    Robot, effects of one's own, mapping, options and version.
+    """
+    file = load_robot_file(question.robot)
+    parts = [__version__, Path(question.robot).read_text(encoding='utf-8'), file.robot.urdf]
+    parts += [read_text(Path(question.map), 'mapping')] if question.map else []
+    parts += [str(question.split_gaps), str(question.has_closed_loop)]
+    own = [path.read_bytes() for path in source_files(file.settings.robot.effect_modules)]
+    return hashlib.sha256(b'\0'.join([*(p.encode() for p in parts), *own])).hexdigest()[:16]
 
 
 def find_recordings(

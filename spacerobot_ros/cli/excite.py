@@ -29,16 +29,13 @@ import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ..display import Item, Section, table_of
 from ..errors import ConfigurationError
 from . import options as opt
 from .terminal import print_answer, progress
 
 if TYPE_CHECKING:
     from ..effects.robot_file import RobotFile
-    from ..excitation.separation import Place, Separated
 
-_NESTED = 1e-3  # sine of the angle between signatures; below, one is a special case of the other
 
 _CRITERIA = ('information', 'condition', 'unit_condition')
 _SEPARATE = 'design the motion that tells two effects of the diagnosis apart instead'
@@ -107,6 +104,7 @@ def _separate(
     from ..effects.catalogue import kind_at
     from ..excitation.motions import Chosen, write_trajectory
     from ..excitation.separation import Place, budget, separate
+    from ..report.excitation_page import separation_section
 
     parts = (text.partition('@') for text in names)
     first, second = (
@@ -122,29 +120,5 @@ def _separate(
     write_trajectory(Chosen(motions.family, best.x, motions.start), robot, output)
     values = {'schema': 1, 'separate': [first.name, second.name], 'tried': found.tried}
     values |= {'best': best, 'robot_file': found.own}
-    print_answer(as_json, values, [_separated(first, second, found)], output)
+    print_answer(as_json, values, [separation_section(first, second, found)], output)
     return 0
-
-
-def _separated(first: Place, second: Place, found: Separated) -> Section:
-    best = found.best
-    head = (
-        f'best of {found.tried} motions: {best.origin}, {best.motions.family.duration:g} s; '
-        "told apart: noise standard deviations of the part of an effect's plausible size that "
-        'the other can not imitate'
-    )
-    rows = [
-        {'of': of.name, 'other': other.name, 'seen': seen, 'motion': name}
-        for name, trial in (('this one', best), ('robot file', found.own))
-        if trial is not None
-        for of, other, seen in ((first, second, trial.first), (second, first, trial.second))
-    ]
-    heads = 'effect | from | seen | told apart | smallest told, of plausible size | motion'
-    cells = '{of} | {other} | {seen.visible:.4g} | {seen.apart:.4g} | {seen.smallest:number 3}'
-    items: list[Item] = [head, table_of('', '', rows, heads, cells + ' | {motion}')]
-    if min(best.first.sine, best.second.sine) < _NESTED:
-        items.append(
-            'note: one of them is all but a special case of the other; no motion tells it '
-            'from the more general one'
-        )
-    return Section('', items)

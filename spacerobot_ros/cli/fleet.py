@@ -21,21 +21,13 @@ unusable input
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Mapping
-from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import ConfigurationError
 from ..formats import counted
 from . import options as opt
 from .terminal import print_answer, progress
-
-if TYPE_CHECKING:
-    from ..batch.single import Recording
-    from ..diagnosis.findings import Question
 
 _CLOSED_LOOP = 'simulate what each extended model is worth to a controller, too'
 
@@ -56,7 +48,7 @@ def run(
     from ..batch.fleet_page import fleet_page, summary
     from ..batch.fleet_table import COLUMNS, table_rows, write_table
     from ..batch.runner import Kept, Tasks, complete
-    from ..batch.single import diagnose_one, find_recordings, without_duplicates
+    from ..batch.single import diagnose_one, digest, find_recordings, without_duplicates
     from ..diagnosis.findings import Question
     from ..report.html import write_report
 
@@ -77,13 +69,13 @@ def run(
         raise ConfigurationError(data[0], found[0].fault)
     recordings = without_duplicates(found)
     folder.mkdir(parents=True, exist_ok=True)
-    keys = {_key(r, question, folder, asked): r for r in recordings if not r.fault}
+    keys = {r.key(question, folder, asked): r for r in recordings if not r.fault}
     tasks = Tasks(run=diagnose_one, kept=Kept(folder / 'fleet.jsonl'))
     workers = opt.workers_of(isolated=True, **who)
     with progress() as stage:
         finished = complete(tasks, list(keys), workers, stage('diagnosing', len(keys)))
-    answers = [{**record, **_names(keys[record['case']], folder)} for record in finished.records]
-    answers += [{'error': r.fault, **_names(r, folder)} for r in recordings if r.fault]
+    answers = [{**record, **keys[record['case']].about(folder)} for record in finished.records]
+    answers += [{'error': r.fault, **r.about(folder)} for r in recordings if r.fault]
     answers.sort(key=lambda one: one['name'])
     failures = {keys[key].name: why for key, why in finished.failures.items()}
     rows = [*table_rows(answers), *({'recording': k, 'error': w} for k, w in failures.items())]
@@ -99,41 +91,3 @@ def run(
         print(f'written: {", ".join(map(str, (*written, page)))}')
     is_good = all(one.get('verdict') == 'consistent' for one in answers) and not failures
     return 0 if is_good else 1
-
-
-def digest(question: Question) -> str:
-    """What answers depend on beside the recordings.
-
-    Robot, effects of one's own, mapping, options and version.
-    """
-    from .. import __version__
-    from ..effects.own_kinds import source_files
-    from ..effects.robot_file import load_robot_file
-    from ..model.files import read_text
-
-    file = load_robot_file(question.robot)
-    parts = [__version__, Path(question.robot).read_text(encoding='utf-8'), file.robot.urdf]
-    parts += [read_text(Path(question.map), 'mapping')] if question.map else []
-    parts += [str(question.split_gaps), str(question.has_closed_loop)]
-    own = [path.read_bytes() for path in source_files(file.settings.robot.effect_modules)]
-    return hashlib.sha256(b'\0'.join([*(p.encode() for p in parts), *own])).hexdigest()[:16]
-
-
-def _key(recording: Recording, question: Question, folder: Path, asked: str) -> str:
-    """All that the answer depends on, as `batch.single.diagnose_one` takes it."""
-    own = replace(question, data=(str(recording.path.absolute()),))
-    report = str((folder / 'reports' / recording.name).absolute())
-    stamp = recording.stamp()
-    return json.dumps({'question': asdict(own), 'out': report, 'stamp': stamp, 'asked': asked})
-
-
-def _names(recording: Recording, folder: Path) -> Mapping[str, Any]:
-    """Where a recording comes from, and its report."""
-    report = Path('reports') / recording.name / 'report.html'
-    has_report = not recording.fault and (folder / report).exists()
-    return {
-        'name': recording.name,
-        'machine': recording.machine,
-        'path': str(recording.path),
-        'report': str(report) if has_report else None,
-    }

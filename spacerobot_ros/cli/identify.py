@@ -22,22 +22,11 @@ exit status: 0 valid estimate, 1 the data do not suffice (the reason is given), 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
 
-from ..display import Section, Table
 from ..errors import IdentificationError
 from . import options as opt
 from .terminal import print_answer, progress
-
-_MOST_ROWS = 60  # of a table; more than five joints have more minimal parameters
-
-if TYPE_CHECKING:
-    from ..identification.advice import Advice
-    from ..identification.estimate import Estimate
-    from ..model.robot import Robot
-    from ..recording.record import Record
 
 
 @opt.command(__doc__)
@@ -62,13 +51,23 @@ def run(
     from ..identification.lone_body import identify_lone_body
     from ..identification.validity_limits import MOST_PASSES
     from ..model.writer import write_robot_file
+    from ..recording.read import read_record, read_records
+    from ..report.estimate_tables import estimate_sections
     from ..sensing.sensor_faults import corrected_record
 
     if write:
         opt.check_file(write, force)
     file = load_robot_file(robot)
     check_momentum(file.robot)  # before the recording, which may lack what only that needs
-    record = _read(bag, file.robot, mapping, split_gaps)
+    stretches = (
+        read_records([bag], file.robot, mapping, split_gaps=True)
+        if split_gaps
+        else (read_record(bag, file.robot, mapping),)
+    )
+    record = max(stretches, key=lambda part: part.span[1] - part.span[0])
+    if len(stretches) > 1:
+        note = f'the longest of {len(stretches)} stretches between pauses; the others are not used'
+        record = replace(record, notes=(*record.notes, note))
     if file.robot.joints:
         record = corrected_record(record, file.robot, file.effects)
     machine, settings = file.believed, file.settings.identifier
@@ -88,70 +87,9 @@ def run(
     values = {'schema': 1, **estimate.to_dict(), 'advice': [asdict(one) for one in advice]}
     for parameter, group in zip(values['parameters'], groups, strict=True):
         parameter['groups'] = group
-    print_answer(as_json, values, _sections(estimate, groups, advice))
+    print_answer(as_json, values, estimate_sections(estimate, groups, advice))
     if write:
         if result.robot is None:
             raise IdentificationError(f'{write} is not written: `ls` finds no bodies')
         write_robot_file(file.before_effects(result.robot), robot, write)
     return 0 if estimate.valid else 1
-
-
-def _read(bag: str, robot: Robot, mapping: str | None, split_gaps: bool) -> Record:
-    """The recording, or the longest of the stretches between its pauses."""
-    from ..recording.read import read_record, read_records
-
-    if not split_gaps:
-        return read_record(bag, robot, mapping)
-    stretches = read_records([bag], robot, mapping, split_gaps=True)
-    longest = max(stretches, key=lambda part: part.span[1] - part.span[0])
-    note = f'the longest of {len(stretches)} stretches between pauses; the others are not used'
-    return replace(longest, notes=(*longest.notes, note)) if len(stretches) > 1 else longest
-
-
-def _sections(
-    estimate: Estimate, groups: Sequence[str], advice: Sequence[Advice]
-) -> Iterator[Section]:
-    """What is printed for people."""
-    n, std = len(estimate.aam), estimate.std
-    sources = estimate.sources or ('data',) * len(std)
-    momentum_std = estimate.total_momentum_covariance.diagonal() ** 0.5
-    momenta = [f'h_{link}_{axis}' for link in estimate.aam_links for axis in 'xyz']
-    if momenta:
-        units = ['N m s'] * n
-        wheels = zip(momenta, estimate.aam, std[:n], units, sources[:n], strict=True)
-        yield _estimates('wheel momentum of the captured body', wheels)
-    if any(estimate.units):
-        total = zip('xyz', estimate.total_momentum, momentum_std, ['N m s'] * 3, strict=True)
-        yield _estimates('total angular momentum, inertial frame', total)
-    title = 'minimal inertial parameters, each with the numbers of the bodies that it groups'
-    names, values = estimate.parameter_names, estimate.parameters
-    found = zip(names, values, std[n:], estimate.units, sources[n:], groups, strict=True)
-    if len(names) <= _MOST_ROWS:
-        yield _estimates(title, found)
-    else:
-        yield Section('', [f'{len(names)} minimal inertial parameters: --json has them'])
-    head = (
-        f'method {estimate.method}, {estimate.samples} samples, rank {estimate.rank} of '
-        f'{estimate.unknowns}, condition {estimate.condition:.4g}, '
-        f'chi-square per degree of freedom {estimate.chi2_per_dof:.3g}'
-    )
-    only = [f'from the file alone: {line}' for line in estimate.unexcited]
-    reason = [] if estimate.valid else [f'not valid: {estimate.reason}']
-    notes = [f'note: {note}' for note in estimate.notes]
-    yield Section('', [head, *only, *notes, *reason])
-    if advice:
-        rows = [(one.motion or 'none of those tried', '\n'.join(one.tells)) for one in advice]
-        title = 'what more motion would tell of the wheel momentum, in the order of its worth'
-        yield Section(title, [Table(('extra motion', 'tells'), rows)])
-
-
-def _estimates(title: str, rows: Iterable[tuple[Any, ...]]) -> Section:
-    """Names, values as far as they are known, their standard deviations, units and sources."""
-    from ..formats import decimals
-
-    head = ('name', 'value', '+- std', 'unit', 'from', 'groups')
-    cells = [
-        (name, f'{value:.{decimals(std)}f}', f'{std:.{decimals(std)}f}', *others)
-        for name, value, std, *others in rows
-    ]
-    return Section(title, [Table(head[: len(cells[0])] if cells else head[:4], cells)])

@@ -30,8 +30,6 @@ exit status: 0 every run ended, 1 some did not (they are listed), 2 unusable inp
 
 from __future__ import annotations
 
-import hashlib
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -63,7 +61,7 @@ def run(
     """Run what is not there yet, write, print; 0 where every run ended."""
     from ..batch.fleet_table import write_table
     from ..batch.montecarlo_results import montecarlo_page, percentiles, sections, worst
-    from ..batch.montecarlo_trial import RUN, check_dynamics, trial_block
+    from ..batch.montecarlo_trial import RUN, block_keys, check_dynamics, failed_rows, trial_block
     from ..batch.ranges import load_ranges
     from ..batch.runner import Kept, Tasks, complete
     from ..report.html import write_report
@@ -76,21 +74,14 @@ def run(
         return _replay(ranges, replay, dynamics, folder)
     folder.mkdir(parents=True, exist_ok=True)
     size = _BLOCKS[dynamics]
-    files = {'ranges': ranges_file, 'robot': robot}
-    asked = {name: str(Path(file).absolute()) for name, file in files.items()}
-    of_block = {**asked, 'is_dynamics': dynamics, 'asked': _digest(ranges, *asked.values())}
-    keys = [
-        json.dumps({**of_block, 'first': k, 'last': min(k + size, ranges.runs)})
-        for k in range(0, ranges.runs, size)
-    ]
+    keys = block_keys(ranges_file, ranges, dynamics, size)
     tasks = Tasks(run=trial_block, kept=Kept(folder / 'montecarlo.jsonl'))
     with progress() as stage:
         done = stage('simulating', ranges.runs)
         found = complete(tasks, keys, opt.workers_of(isolated=False, **who),
                          lambda n: done(min(n * size, ranges.runs)))  # fmt: skip
     rows = [row for record in found.records for row in record['rows']]
-    for block, why in ((json.loads(key), why) for key, why in found.failures.items()):
-        rows += [{RUN: k, 'error': why} for k in range(block['first'], block['last'])]
+    rows += [row for key, why in found.failures.items() for row in failed_rows(key, why)]
     rows.sort(key=lambda row: row[RUN])
     write_table(rows, folder / 'runs', (RUN, *ranges.draw))
     write_table(percentiles(ranges, rows), folder / 'percentiles')
@@ -104,15 +95,6 @@ def run(
     said = [*sections(ranges, rows, words), Section('', [f'report: {page}'])]
     print_answer(as_json, values, said)
     return 1 if any(row.get('error') for row in rows) else 0
-
-
-def _digest(ranges: Ranges, *files: str) -> str:
-    """What a block of runs depends on beside their numbers."""
-    from .. import __version__
-
-    parts = [__version__, *(Path(file).read_text(encoding='utf-8') for file in files)]
-    parts.append(ranges.robot_file.robot.urdf)
-    return hashlib.sha256('\0'.join(parts).encode()).hexdigest()[:16]
 
 
 def _replay(ranges: Ranges, number: int, dynamics: bool, folder: Path) -> int:
