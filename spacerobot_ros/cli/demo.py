@@ -24,17 +24,13 @@ exit status: 0 what was identified tracks as it should, 1 it does not, 2 unusabl
 from __future__ import annotations
 
 import os
-import time
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from . import options as opt
 from .terminal import print_sections, progress
 
 if TYPE_CHECKING:
-    from ..demo.results import DemoResults
-    from ..effects.robot_file import RobotFile
     from ..simulation.replay.scene import Scene
 
 _BAGS = ('bag', 'bag_no_aam', 'bag_identified')
@@ -50,21 +46,30 @@ def run(out: str, robot: str | None, seed: int | None, quick: bool, live: bool) 
     """Run the demonstration; 0 when it reached its aims, 1 when not."""
     if not live:  # other nodes on these topics would disturb it
         os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
+    from ..effects.robot_file import load_robot_file
     from ..model.files import written_whole
+    from ..model.loader import package_folder
     from ..recording.bags.bag_writer import check_target
 
     folder = opt.check_folder(out)
     for name in _BAGS:
         check_target(folder / name, overwrite=True)
     with written_whole(folder) as work:  # an interrupted run leaves the results before it
-        file = _robot_file(robot, seed)
-        results = _results(file, 1 if quick else 2, folder, work)
+        file = load_robot_file(
+            robot or package_folder('spacerobot_ros') / 'config' / 'servicer.yaml'
+        )
+        file = replace(file, settings=file.settings.changed({'simulator.seed': seed}))
         from ..demo.page import demo_report, demo_summary
+        from ..demo.run import demonstrate
         from ..json_values import json_text
         from ..model.files import write_text
         from ..recording.read import read_record
         from ..report.html import write_report
         from ..simulation.replay.scene import scene_of
+
+        with progress() as stage:
+            bags = {work / name: folder / name for name in _BAGS}
+            results = demonstrate(file, 1 if quick else 2, bags, stage)
 
         def scene() -> Scene:
             return scene_of(read_record(work / _BAGS[0], file.robot), file)
@@ -73,42 +78,3 @@ def run(out: str, robot: str | None, seed: int | None, quick: bool, live: bool) 
         write_report(demo_report(results, scene), work / 'report.html')
     print_sections(demo_summary(results, folder))
     return 0 if results.reached else 1
-
-
-def _results(file: RobotFile, passes: int, folder: Path, work: Path) -> DemoResults:
-    """All runs, written to a folder that will have another name."""
-    from ..demo.results import DemoResults, truth_of
-    from ..demo.run import check_file, identify, track
-    from ..simulation.truth import true_robot
-
-    started = time.perf_counter()
-    check_file(file)
-    settings = file.settings
-    bags = [work / name for name in _BAGS]
-    length = settings.reference.duration
-    truth = truth_of(file.robot, true_robot(file.robot, settings), settings.identifier.structure)
-    with progress() as bars:
-        exciting = bars('tracking without the wheels, identifying them', passes * length)
-        found = identify(file, passes, bags[:2], exciting)
-        tracking = bars('tracking with them', length)
-        identified = track(file, found.estimates[-1], bags[2], tracking)
-    return DemoResults(
-        robot=file.robot.name,
-        joints=file.robot.arm,
-        seed=settings.simulator.seed,
-        identification=found,
-        no_aam=found.until(length),
-        identified=identified,
-        truth=truth,
-        bags=tuple(str(folder / name) for name in _BAGS),
-        wall=time.perf_counter() - started,
-    )
-
-
-def _robot_file(robot: str | None, seed: int | None) -> RobotFile:
-    from ..effects.robot_file import load_robot_file
-    from ..model.loader import package_folder
-
-    path = robot or package_folder('spacerobot_ros') / 'config' / 'servicer.yaml'
-    file = load_robot_file(path)
-    return replace(file, settings=file.settings.changed({'simulator.seed': seed}))

@@ -59,14 +59,9 @@ def run(
     folder = opt.check_folder(out, (JSON_NAME, 'a diagnosis'), force)
     with progress() as stage:
         asked = Question(
-            data=data,
-            payload=payload,
-            robot=robot,
-            map=mapping or '',
-            split_gaps=split_gaps,
-            has_closed_loop=not is_open,
-            score=score or '',
-        )
+            data=data, payload=payload, robot=robot, map=mapping or '', split_gaps=split_gaps,
+            has_closed_loop=not is_open, score=score or '',
+        )  # fmt: skip
         answer = findings(asked, asked.command(out), stage('reading', 1.0))
     values = answer.to_dict()
     write_answer(answer, robot, folder)

@@ -36,7 +36,6 @@ from .terminal import print_answer, progress
 if TYPE_CHECKING:
     from ..effects.robot_file import RobotFile
 
-
 _CRITERIA = ('information', 'condition', 'unit_condition')
 _SEPARATE = 'design the motion that tells two effects of the diagnosis apart instead'
 

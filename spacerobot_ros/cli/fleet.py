@@ -54,12 +54,10 @@ def run(
 
     folder = opt.check_folder(out)
     question = Question(
-        data=(),
-        robot=str(Path(robot).absolute()),
+        data=(), robot=str(Path(robot).absolute()),
         map=str(Path(mapping).absolute()) if mapping else '',
-        split_gaps=split_gaps,
-        has_closed_loop=closed_loop,
-    )
+        split_gaps=split_gaps, has_closed_loop=closed_loop,
+    )  # fmt: skip
     asked = digest(question)  # which reads robot and mapping, before the work is done
     found, tables = find_recordings(data, bool(mapping), folder)
     if tables:

@@ -35,16 +35,17 @@ def main(argv: Sequence[str] | None = None) -> int:
 
             status = run(words)
         sys.stdout.flush()
+        return status
     except KeyboardInterrupt:
-        return _fails(asked, 130, 'interrupted')
+        status, why = 130, 'interrupted'
     except BrokenPipeError:
         # the interpreter would complain again when it flushes at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except Exception as error:  # noqa: BLE001  whatever nobody foresaw is a fault of ours
-        if why := _unusable(error, words):
-            return _fails(asked, 2, why)
-        return _fails(asked, 3, _fault(error, words))
+        why = _unusable(error, words)
+        status, why = (2, why) if why else (3, _fault(error, words))
+    print(f'{f"spacerobot {asked}".strip()}: {" ".join(why.split())}', file=sys.stderr)
     return status
 
 
@@ -67,13 +68,6 @@ def _is_given(path: Any, words: Sequence[str]) -> bool:
     """Whether a path stands on the command line, or is below one that does."""
     given = [Path(word).absolute() for word in words if word]
     return isinstance(path, str) and any(Path(path).absolute().is_relative_to(g) for g in given)
-
-
-def _fails(command: str, status: int, why: str) -> int:
-    """One line on stderr."""
-    program = f'spacerobot {command}'.strip()
-    print(f'{program}: {" ".join(why.split())}', file=sys.stderr)
-    return status
 
 
 def _fault(error: Exception, words: Sequence[str]) -> str:

@@ -74,12 +74,8 @@ path = partial(click.option, type=click.Path())
 path_argument = partial(click.argument, type=click.Path())
 
 robot = path('--robot', metavar='YAML', required=True, help='robot file')
-mapping = path(
-    '--map',
-    'mapping',
-    metavar='YAML',
-    help='column mapping of CSV, JSON or npz (docs/data.md)',
-)
+_OF_TABLES = 'column mapping of CSV, JSON or npz data (docs/data.md)'
+mapping = path('--map', 'mapping', metavar='YAML', help=_OF_TABLES)
 as_json = switch('--json', 'as_json', help='print JSON, and nothing else')
 out = path('-o', '--out', metavar='DIR', required=True, help='folder to write')
 
@@ -118,14 +114,9 @@ def workers(function: Callable[..., int]) -> Callable[..., int]:
 
 
 def workers_of(
-    *,
-    isolated: bool,
-    jobs: int | None = None,
-    scheduler: str | None = None,
-    memory: float | None = None,
-    timeout: float = 3600.0,
-    dashboard: bool = False,
-) -> Workers:
+    *, isolated: bool, jobs: int | None, scheduler: str | None, memory: float | None,
+    timeout: float, dashboard: bool,
+) -> Workers:  # fmt: skip
     """Who works, from the options of `workers`.
 
     Args:

@@ -39,8 +39,7 @@ if TYPE_CHECKING:
 
 _LAST_STAMP = 2**31 - 1  # s, of builtin_interfaces/Time
 _STEP_BYTES = 500  # of joints and commands in a period, at least
-
-
+_LAWS = (*COMPUTED_TORQUE_LAWS, *ADAPTIVE_LAWS)
 _REFERENCES = ('fourier', 'harmonic', 'hold', 'set_point', 'step')
 _DURATION = 'simulated time [s] (default: reference.duration of the robot file)'
 
@@ -50,9 +49,7 @@ _DURATION = 'simulated time [s] (default: reference.duration of the robot file)'
 @opt.path('-o', '--output', metavar='BAG', required=True, help='folder to create')
 @opt.positive('--duration', metavar='S', help=_DURATION)
 @opt.count('--seed', "seed of the sensor noise (default: the file's)")
-@opt.choice(
-    '--law', (*COMPUTED_TORQUE_LAWS, *ADAPTIVE_LAWS), help="control law (default: the file's)"
-)
+@opt.choice('--law', _LAWS, help="control law (default: the file's)")
 @opt.choice('--reference', _REFERENCES, help="motion to follow (default: the file's)")
 @opt.switch('--no-noise', help='exact sensors')
 @opt.switch('--force', help='replace a bag that is there')
@@ -67,14 +64,8 @@ def run(
 
     check_target(output, force)  # before any work
     file = load_robot_file(robot)
-    settings = file.settings.changed(
-        {
-            'simulator.seed': seed,
-            'simulator.noise': False if no_noise else None,
-            'controller.law': law,
-            'reference.kind': reference,
-        }
-    )
+    given = {'simulator.seed': seed, 'controller.law': law, 'reference.kind': reference}
+    settings = file.settings.changed({**given, 'simulator.noise': False if no_noise else None})
     duration = duration or settings.reference.duration
     _check_duration(duration, settings.simulator.period, Path(output))
     steps = max(1, round(duration / settings.simulator.period))

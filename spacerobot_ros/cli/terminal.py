@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from ..display import Section, Table
 
@@ -20,13 +20,8 @@ _QUIET, _APART, _LONGEST = 5.0, 1.0, 60.0
 """Of lines, where no terminal is: none in the first s; s between two, at least and at the most."""
 
 
-class Advance(Protocol):
-    """Called with the part of a stage that is done, and what is being done where that changes."""
-
-    def __call__(self, done: float, what: str = '') -> None:
-        """Show it."""
-
-
+Advance = Callable[..., None]
+"""Called with the part of a stage that is done, and what is being done where that changes."""
 Stage = Callable[[str, float], Advance]
 """Called with what is being done and its total."""
 

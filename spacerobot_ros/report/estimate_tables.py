@@ -24,21 +24,18 @@ def estimate_sections(
         advice: Motions that would tell more, best first.
     """
     n, std = len(estimate.aam), estimate.std
-    sources = estimate.sources or ('data',) * len(std)
-    momentum_std = estimate.total_momentum_covariance.diagonal() ** 0.5
-    momenta = [f'h_{link}_{axis}' for link in estimate.aam_links for axis in 'xyz']
-    if momenta:
-        units = ['N m s'] * n
-        wheels = zip(momenta, estimate.aam, std[:n], units, sources[:n], strict=True)
-        yield _estimates('wheel momentum of the captured body', wheels)
+    sources, unit = estimate.sources or ('data',) * len(std), ['N m s']
+    if momenta := [f'h_{link}_{axis}' for link in estimate.aam_links for axis in 'xyz']:
+        title = 'wheel momentum of the captured body'
+        yield _estimates(title, momenta, estimate.aam, std[:n], unit * n, sources[:n])
     if any(estimate.units):
-        total = zip('xyz', estimate.total_momentum, momentum_std, ['N m s'] * 3, strict=True)
-        yield _estimates('total angular momentum, inertial frame', total)
-    title = 'minimal inertial parameters, each with the numbers of the bodies that it groups'
+        title = 'total angular momentum, inertial frame'
+        total_std = estimate.total_momentum_covariance.diagonal() ** 0.5
+        yield _estimates(title, 'xyz', estimate.total_momentum, total_std, unit * 3)
     names, values = estimate.parameter_names, estimate.parameters
-    found = zip(names, values, std[n:], estimate.units, sources[n:], groups, strict=True)
     if len(names) <= _MOST_ROWS:
-        yield _estimates(title, found)
+        title = 'minimal inertial parameters, each with the numbers of the bodies that it groups'
+        yield _estimates(title, names, values, std[n:], estimate.units, sources[n:], groups)
     else:
         yield Section('', [f'{len(names)} minimal inertial parameters: --json has them'])
     head = (
@@ -56,11 +53,11 @@ def estimate_sections(
         yield Section(title, [Table(('extra motion', 'tells'), rows)])
 
 
-def _estimates(title: str, rows: Iterable[tuple[Any, ...]]) -> Section:
+def _estimates(title: str, *columns: Iterable[Any]) -> Section:
     """Names, values as far as they are known, their standard deviations, units and sources."""
-    head = ('name', 'value', '+- std', 'unit', 'from', 'groups')
+    head = ('name', 'value', '+- std', 'unit', 'from', 'groups')[: len(columns)]
     cells = [
         (name, f'{value:.{decimals(std)}f}', f'{std:.{decimals(std)}f}', *others)
-        for name, value, std, *others in rows
+        for name, value, std, *others in zip(*columns, strict=True)
     ]
-    return Section(title, [Table(head[: len(cells[0])] if cells else head[:4], cells)])
+    return Section(title, [Table(head, cells)])

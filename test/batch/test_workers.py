@@ -140,8 +140,9 @@ def test_without_dask_there_is_one_process(monkeypatch, capsys):
     from spacerobot_ros.cli import options
 
     monkeypatch.setattr(workers_module, 'has_dask', lambda: False)
-    found = options.workers_of(isolated=True, jobs=4)
+    given = {'isolated': True, 'jobs': 4, 'memory': None, 'timeout': 1.0, 'dashboard': False}
+    found = options.workers_of(**given, scheduler=None)
     assert found.number == 0
     assert capsys.readouterr().err.count('\n') == 1
     with pytest.raises(ConfigurationError, match='needs dask'):
-        options.workers_of(isolated=True, scheduler='tcp://a:1')
+        options.workers_of(**given, scheduler='tcp://a:1')
