@@ -120,11 +120,14 @@ def run(campaign: Campaign, args: argparse.Namespace) -> int:
     """Run a campaign, write its page and print it; 0 where every figure is reached."""
     started = time.monotonic()
     folder = Path(args.out or f'out/{campaign.name}')
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError('--out', f'{folder}: {error.strerror}') from error
     experiment = campaign.load()
     runs = args.runs or (campaign.quick_runs if args.quick else campaign.runs)
     keys = [key for key in experiment.trials(runs, args.quick) if args.only in key]
-    if not keys:
+    if args.only and not keys:
         raise ConfigurationError('--only', f'no trial of {campaign.name} has {args.only!r} in it')
     workers = Workers(number=args.jobs if args.jobs > 1 else 0, scheduler=args.scheduler)
     minutes = args.minutes if campaign.is_kept else math.inf  # others are judged as a whole

@@ -80,7 +80,7 @@ def test_files_are_written(outcome):
 
 
 def test_tables_for_people(outcome, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr('spacerobot_ros.batch.runner.finish', lambda *_: Finished(outcome[3], {}))
+    monkeypatch.setattr('validation.__main__.finish', lambda *_: Finished(outcome[3], {}))
     assert main([*COMMAND, str(tmp_path)]) == 0
     text = capsys.readouterr().out
     assert 'joint [deg]' in text
@@ -93,7 +93,7 @@ def test_a_folder_that_can_not_be_written(tmp_path, capsys, monkeypatch):
     (tmp_path / 'file').write_text('')
     monkeypatch.setattr(wheel_experiments, 'trials', lambda *_: [])
     assert main([*COMMAND, str(tmp_path / 'file' / 'out')]) == 2
-    assert 'is a file, not a folder' in capsys.readouterr().err
+    assert 'Not a directory' in capsys.readouterr().err
 
 
 def test_an_interrupted_run_keeps_the_results_before(tmp_path, monkeypatch):
