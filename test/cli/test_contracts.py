@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import os
 import subprocess
 import sys
@@ -33,11 +34,22 @@ def test_every_schema_is_one_and_says_its_version(name):
     assert schema['$id'] == f'urn:spacerobot:{name}:{version}'
 
 
+PARSED = {name: importlib.import_module(f'spacerobot_ros.cli.{name}').run for name in COMMANDS}
+
+
 def test_every_command_that_prints_json_has_a_schema():
-    modules = {name: importlib.import_module(f'spacerobot_ros.cli.{name}') for name in COMMANDS}
-    prints = [name for name, m in modules.items() if any('--json' in p.opts for p in m.run.params)]
+    prints = [name for name, run in PARSED.items() if any('--json' in p.opts for p in run.params)]
     assert set(prints) <= set(NAMES)
     assert len(prints) >= 6
+
+
+@pytest.mark.parametrize('name', COMMANDS)
+def test_a_command_takes_what_is_parsed_for_it(name):
+    taken = inspect.signature(PARSED[name].callback).parameters.values()
+    parsed = {param.name for param in PARSED[name].params}
+    named = {p.name for p in taken if p.kind is not p.VAR_KEYWORD} - {'context'}
+    assert named <= parsed
+    assert named == parsed or any(p.kind is p.VAR_KEYWORD for p in taken)
 
 
 @pytest.fixture
