@@ -19,7 +19,7 @@ from typing import Any
 
 from ..errors import ConfigurationError, RecordingError
 from ..json_values import json_value
-from .workers import ATTEMPTS, Outcome, Workers, attempt
+from .workers import ATTEMPTS, Outcome, TaskError, Workers, attempt
 
 TrialRecord = dict[str, Any]
 """Plain JSON data of one task, its key as `case`."""
@@ -199,9 +199,10 @@ def outcomes(
         yield from spread(run, chain(first, every), workers)
 
 
-def _insisted(run: Callable[[str], Any], key: str) -> Outcome:
-    for _ in range(ATTEMPTS):
-        found = attempt(run, key)
-        if found.is_final:
-            break
-    return found
+def _insisted(run: Callable[[str], Any], key: str, times: int = ATTEMPTS) -> Outcome:
+    try:
+        return attempt(run, key)
+    except TaskError as error:
+        if times > 1:
+            return _insisted(run, key, times - 1)
+        return Outcome(key, failure=str(error))
