@@ -49,6 +49,8 @@ _CONFIG = {
 }
 _NO_PAGES: dict[str, Any] = {'distributed.scheduler.http.routes': []}
 _THREADS = {name: '1' for name in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS')}
+_DEAF = 'import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)'
+"""Of a terminal's Ctrl-C the workers hear, too; it is this process that ends them."""
 _ONE = threading.Lock()
 """One task at a time in a process, which has one watchdog."""
 
@@ -126,6 +128,7 @@ def _client(workers: Workers) -> Iterator[Client]:
                     dashboard_address=f'{_HOST}:0',
                     silence_logs=logging.CRITICAL,
                     env=_THREADS,
+                    preload=_DEAF,
                 )
             )
         try:
