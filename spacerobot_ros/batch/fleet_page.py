@@ -83,21 +83,28 @@ def _figures(answers: Sequence[Row], failures: Mapping[str, str], lines: Sequenc
     bad = sum(bool(one['error']) for one in answers) + len(failures)
     found = sum(one['verdict'] != 'consistent' for one in answers if not one['error'])
     drifts = sum(line.is_drift for line in lines)
+    remark = f'of {counted(len(lines), "trend")}'
     return KeyFigures(
         [
             KeyFigure('recordings', str(len(answers) + len(failures))),
-            KeyFigure('differ from the model', str(found), status='bad' if found else 'good'),
-            KeyFigure('drifts', str(drifts), remark=f'of {counted(len(lines), "trend")}',
-                      status='bad' if drifts else 'good'),
-            KeyFigure('could not be used', str(bad), status='bad' if bad else 'good'),
+            _best_none('differ from the model', found),
+            _best_none('drifts', drifts, remark),
+            _best_none('could not be used', bad),
         ]
-    )  # fmt: skip
+    )
+
+
+def _best_none(label: str, count: int, remark: str = '') -> KeyFigure:
+    return KeyFigure(label, str(count), '', remark, 'bad' if count else 'good')
 
 
 def _parts(answers: Sequence[Row], lines: Sequence[Trend]) -> Iterator[Section]:
     drifts = [line for line in lines if line.is_drift]
     _, _, abscissa = in_order(answers)
-    yield Section('What drifts', [*_drifts(drifts, abscissa), _HOW])
+    caption = f'Values with {_BAND:g} standard deviations, and the line.'
+    plots = [Plot([_panel(line)], caption, abscissa) for line in drifts[:_DRAWN]]
+    found = [_trend_table(drifts), *plots] if drifts else ['Nothing.']
+    yield Section('What drifts', [*found, _HOW])
     yield Section('What appeared when', [_appearances(answers)])
     yield Section('Recordings', [_recordings(answers)])
     if lines:
@@ -105,24 +112,14 @@ def _parts(answers: Sequence[Row], lines: Sequence[Trend]) -> Iterator[Section]:
         yield Section('All trends', [_trend_table(lines[:_LISTED], caption)])
 
 
-def _drifts(drifts: Sequence[Trend], abscissa: str) -> Iterator[Item]:
-    if not drifts:
-        yield 'Nothing.'
-        return
-    yield _trend_table(drifts)
-    for line in drifts[:_DRAWN]:
-        yield Plot(
-            [_panel(line)], f'Values with {_BAND:g} standard deviations, and the line.', abscissa
-        )
-
-
 def _panel(line: Trend) -> Panel:
-    h = line.course
-    band = _BAND * h.std if np.all(h.std > 0.0) else None
-    mean = np.mean(h.time) if band is None else np.average(h.time, weights=h.std**-2.0)
-    fitted = line.level + line.slope * (h.time - mean)
-    curves = [Curve('each recording', h.time, h.value, band), Curve('trend', h.time, fitted)]
-    return Panel(f'{h.machine}: {h.quantity}', h.unit, curves)
+    at = line.course
+    band = _BAND * at.std if np.all(at.std > 0.0) else None
+    curves = [
+        Curve('each recording', at.time, at.value, band),
+        Curve('trend', at.time, line.fitted),
+    ]
+    return Panel(f'{at.machine}: {at.quantity}', at.unit, curves)
 
 
 def _trend_table(lines: Sequence[Trend], caption: str = '') -> Table:

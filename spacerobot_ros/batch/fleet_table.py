@@ -144,13 +144,13 @@ class Trend:
 
     Args:
         course: The values.
-        level: At the mean time. slope: By a unit of time. std: Of the slope.
+        fitted: (N,) of the line. slope: By a unit of time. std: Of the slope.
         p_value: Probability of such a slope without a drift, this quantity alone.
         is_drift: Whether it is significant among all that were asked.
     """
 
     course: Course
-    level: float
+    fitted: Array
     slope: float
     std: float
     p_value: float
@@ -171,21 +171,19 @@ def trends(courses: Sequence[Course]) -> list[Trend]:
 def _line(course: Course) -> Trend:
     is_known = bool(np.all(course.std > 0.0))
     weight = course.std**-2.0 if is_known else np.ones(len(course.time))
-    mean = weight @ course.time / weight.sum()
-    t = course.time - mean
-    level = weight @ course.value / weight.sum()
+    t = course.time - np.average(course.time, weights=weight)
     information = weight @ t**2
-    slope = weight @ (t * course.value) / information
-    left = course.value - level - slope * t
+    slope = float(weight @ (t * course.value) / information)
+    fitted = np.average(course.value, weights=weight) + slope * t
     freedom = len(t) - 2
-    scatter = weight @ left**2 / freedom
+    scatter = weight @ (course.value - fitted) ** 2 / freedom
     scatter = max(1.0, scatter) if is_known else scatter
     std = float(np.sqrt(scatter / information))
     # of values that lie on their line to rounding, such as none at all, nothing is sure
     rounding = 1e-12 * float(np.max(np.abs(course.value))) / float(np.ptp(t))
     ratio = abs(slope) / max(std, rounding) if slope else 0.0
     p_value = float(2.0 * student.sf(ratio, freedom))
-    return Trend(course, float(level), float(slope), std, p_value)
+    return Trend(course, fitted, slope, std, p_value)
 
 
 TableRows = Sequence[Mapping[str, Any]]
