@@ -176,7 +176,7 @@ def _line(course: Course) -> Trend:
     slope = float(weight @ (t * course.value) / information)
     fitted = np.average(course.value, weights=weight) + slope * t
     freedom = len(t) - 2
-    scatter = weight @ (course.value - fitted) ** 2 / freedom
+    scatter = float(weight @ (course.value - fitted) ** 2) / freedom
     scatter = max(1.0, scatter) if is_known else scatter
     std = float(np.sqrt(scatter / information))
     # of values that lie on their line to rounding, such as none at all, nothing is sure

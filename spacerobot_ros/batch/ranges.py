@@ -112,13 +112,14 @@ def load_ranges(path: str, robot_path: str, runs: int | None = None) -> Ranges:
         raise ConfigurationError(path, "expected a map with 'draw': what is drawn, and how")
     if unknown := [key for key in content if key not in _KEYS]:
         raise ConfigurationError(path, f'unknown key {unknown[0]!r} (known: {", ".join(_KEYS)})')
-    count = runs or _number(path, content, 'runs', 1000)
+    if not isinstance(effects := content.get('effects') or {}, Mapping):
+        raise ConfigurationError(f'{path}: effects', 'expected a map of effects by their names')
     ranges = Ranges(
-        int(count),
-        float(_number(path, content, 'duration', 20.0)),
+        int(runs or _number(path, content, 'runs', 1000)),
+        _number(path, content, 'duration', 20.0),
         int(_number(path, content, 'seed', 0)),
         robot_path,
-        content.get('effects') or {},
+        effects,
         {key: _distribution(f'{path}: draw.{key}', spec) for key, spec in content['draw'].items()},
     )
     ranges.machine(MIDDLE)
