@@ -62,14 +62,11 @@ def spread(run: Callable[[str], Any], keys: Iterable[str], workers: Workers) -> 
     unfit: dict[str, str] = {}
     with _client(workers) as client:
 
-        def loaded(task: bytes) -> Any:  # sent by value: who can not import a function would end
-            return loads(task)()
-
         def begin(key: str) -> None:
             task = dumps(partial(guarded, run, key, workers.timeout, own))
             fit = list(client.nthreads().keys() - unfit) if unfit else None
             future = client.submit(
-                loaded, task, pure=False, retries=ATTEMPTS - 1,
+                _caller(), task, pure=False, retries=ATTEMPTS - 1,
                 workers=fit, allow_other_workers=bool(unfit),
             )  # fmt: skip
             running[future] = key, time.monotonic(), len(unfit)
@@ -95,6 +92,19 @@ def spread(run: Callable[[str], Any], keys: Iterable[str], workers: Workers) -> 
                         begin(key)
                     else:
                         yield Outcome(key, failure=in_a_line(found, is_ours=True))
+
+
+def _caller() -> Callable[[bytes], Any]:
+    """Calls a task; a function in here is sent by value: who can not import one closes."""
+
+    def called(task: bytes) -> Any:
+        try:
+            call = loads(task)
+        except (ImportError, AttributeError) as error:
+            return error
+        return call()
+
+    return called
 
 
 def _why(error: Exception, age: float, workers: Workers) -> str:

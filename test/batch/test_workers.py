@@ -100,35 +100,23 @@ def there(*paths):
     )
 
 
-NUMBA = r'it has numba 0\.1, here it is '
-
-
-def test_workers_of_another_version_are_named_and_not_used(tmp_path, alone):
-    lines = []
-    with there('', other_version(tmp_path, 'numba')) as cluster:
+@pytest.mark.parametrize(
+    ('path', 'why'),
+    [
+        (partial(other_version, name='numba'), r'it has numba 0\.1, here it is '),
+        (strangers, r'it has not this version of spacerobot_ros .*ModuleNotFoundError'),
+    ],
+)
+def test_workers_of_another_version_are_named_and_not_used(tmp_path, alone, path, why):
+    lines, other = [], path(tmp_path)
+    with there('', other) as cluster:
         plain = Workers(scheduler=cluster.scheduler_address, notice=lines.append)
         found = results(tasks.draw, KEYS, plain)
     assert {key: outcome.result for key, outcome in found.items()} == alone
     assert len(lines) == 2
-    assert re.match(f'worker tcp://.* is not used: {NUMBA}', lines[1])
-
-
-def test_what_a_worker_can_not_load_goes_to_another(tmp_path, alone):
-    with there('', strangers(tmp_path)) as cluster:
-        found = results(tasks.draw, KEYS, Workers(scheduler=cluster.scheduler_address))
-    assert {key: outcome.result for key, outcome in found.items()} == alone
-
-
-@pytest.mark.parametrize(
-    ('path', 'why'),
-    [
-        (partial(other_version, name='numba'), NUMBA),
-        (strangers, r'it has not this version of spacerobot_ros .*ModuleNotFoundError'),
-    ],
-)
-def test_a_cluster_of_another_version_is_refused(tmp_path, path, why):
+    assert re.match(f'worker tcp://.* is not used: {why}', lines[1])
     with (
-        there(path(tmp_path)) as cluster,
+        there(other) as cluster,
         pytest.raises(ConfigurationError, match=f'none of 1 worker fits: {why}'),
     ):
         results(tasks.draw, KEYS, Workers(scheduler=cluster.scheduler_address))
