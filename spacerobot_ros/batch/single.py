@@ -259,7 +259,7 @@ def _momentum(answer: Findings) -> dict[str, list[dict[str, float | None]]]:
 
 def _looked_at(record: Record, answer: Findings) -> dict[str, Any]:
     """What should be looked at in the recording, a line each; how many numbers of all it tells."""
-    told = {'told': None, 'numbers': None}
+    told: dict[str, int | None] = {'told': None, 'numbers': None}
     try:
         quality = quality_of(record, answer.file)
     except SpaceRobotError as error:
