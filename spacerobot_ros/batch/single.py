@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime, timezone
@@ -146,9 +146,7 @@ def without_duplicates(recordings: Sequence[Recording]) -> list[Recording]:
             original = first.setdefault(_digest(recording.files), recording)
             if original is not recording and any(p.stat().st_size for p in recording.files):
                 copies[recording.path] = f'has the same content as {original.name}'
-    return [
-        Recording(r.path, r.machine, r.name, r.fault or copies.get(r.path, '')) for r in recordings
-    ]
+    return [replace(r, fault=r.fault or copies.get(r.path, '')) for r in recordings]
 
 
 def _below(folder: Path, out: Path) -> Iterator[Path]:
@@ -158,13 +156,13 @@ def _below(folder: Path, out: Path) -> Iterator[Path]:
     if _is_bag(folder):
         yield folder
         return
-    for entry in sorted(os.scandir(folder), key=lambda e: e.name):
+    for entry in sorted(folder.iterdir(), key=lambda path: path.name):
         if entry.name.startswith('.'):
             continue
         if entry.is_dir():
-            yield from _below(Path(entry.path), out)
+            yield from _below(entry, out)
         elif entry.is_file():
-            yield Path(entry.path)
+            yield entry
 
 
 def _is_bag(folder: Path) -> bool:
@@ -188,12 +186,12 @@ def _recording(path: Path, root: Path, several: bool) -> Recording:
 
 def _unlike(recordings: Sequence[Recording]) -> list[Recording]:
     """The recordings, names that are taken numbered."""
-    seen: dict[str, int] = {}
+    seen: Counter[str] = Counter()
     out = []
     for r in recordings:
-        seen[r.name] = count = seen.get(r.name, 0) + 1
-        name = r.name if count == 1 else f'{r.name} ({count})'
-        out.append(Recording(r.path, r.machine, name, r.fault))
+        seen[r.name] += 1
+        count = seen[r.name]
+        out.append(r if count == 1 else replace(r, name=f'{r.name} ({count})'))
     return out
 
 
@@ -230,13 +228,11 @@ def diagnose_one(key: str) -> dict[str, Any]:
     try:
         answer = findings(question, question.command(asked['out']))
     except SpaceRobotError as error:
-        return {'error': ' '.join(str(error).split()), 'run_time': _since(started)}
-    write_answer(answer, question.robot, Path(asked['out']))
-    return {**_answer_columns(answer), 'error': None, 'run_time': _since(started)}
-
-
-def _since(started: float) -> float:
-    return round(time.perf_counter() - started, 3)
+        found: dict[str, Any] = {'error': ' '.join(str(error).split())}
+    else:
+        write_answer(answer, question.robot, Path(asked['out']))
+        found = {**_answer_columns(answer), 'error': None}
+    return {**found, 'run_time': round(time.perf_counter() - started, 3)}
 
 
 def _answer_columns(answer: Findings) -> dict[str, Any]:
@@ -304,13 +300,11 @@ def _momentum(answer: Findings) -> dict[str, list[dict[str, float | None]]]:
 
 def _looked_at(record: Record, answer: Findings) -> dict[str, Any]:
     """What should be looked at in the recording, a line each; how many numbers of all it tells."""
+    told: dict[str, int | None] = {'told': None, 'numbers': None}
     try:
         quality = quality_of(record, answer.file)
     except SpaceRobotError as error:
-        return {'health': [str(error)], 'told': None, 'numbers': None}
-    found = quality.excitation
-    return {
-        'health': list(quality.findings),
-        'told': None if found is None else count_told(found),
-        'numbers': None if found is None else len(found),
-    }
+        return {'health': [str(error)], **told}
+    if (found := quality.excitation) is not None:
+        told = {'told': count_told(found), 'numbers': len(found)}
+    return {'health': list(quality.findings), **told}
