@@ -13,7 +13,7 @@ from rosbags.rosbag2 import Reader
 from ...errors import ConfigurationError, RecordingError
 from ...model.files import read_yaml
 from ..record import shown
-from .mcap import McapContent, read_mcap
+from .mcap_file import McapContent, read_mcap
 
 _UNSEEN = 'has no checksums: damage to its numbers would not be noticed'
 
@@ -110,15 +110,14 @@ def _read_mcaps(
     if short:
         notes.append(f'damaged: read {", ".join(short)}')
     messages = sorted(
-        ((log, *content.channels[key], data)
+        ((log, *topics[key], data)
          for content in contents
+         for topics in [content.topics]
          for log, key, data in content.messages
-         if key in content.channels and content.channels[key].topic in wanted),
+         if topics.get(key, ('',))[0] in wanted),
         key=lambda message: message[0],
     )  # fmt: skip
-    channels = frozenset(
-        (c.topic, c.msgtype) for content in contents for c in content.channels.values()
-    )
+    channels = frozenset(topic for content in contents for topic in content.topics.values())
     return StoredMessages(channels, [message[1:] for message in messages], notes)
 
 
