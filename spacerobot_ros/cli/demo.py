@@ -52,6 +52,7 @@ def run(args: argparse.Namespace) -> int:
     for name in _BAGS:
         check_target(out / name, overwrite=True)
     with written_whole(out) as work:  # an interrupted run leaves the results before it
+        work.mkdir()
         file = _robot_file(args)
         results = _results(args, file, work)
         from ..demo.page import demo_report, demo_summary

@@ -16,9 +16,7 @@ from __future__ import annotations
 import csv
 import importlib.util
 import io
-import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -28,8 +26,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from ..campaign.description import TrialRecord as Row
-from ..errors import ConfigurationError
-from ..model.files import write_text
+from ..model.files import write_text, written_whole
 from ..types import Array
 
 COLUMNS = (
@@ -240,15 +237,8 @@ def _write_parquet(rows: TableRows, names: Sequence[str], path: Path) -> Path:
     from pyarrow import parquet
 
     arrays = [_array([row.get(name) for row in rows]) for name in names]
-    partial = path.with_name(f'.{path.name}.partial')
-    try:
+    with written_whole(path) as partial:
         parquet.write_table(pa.Table.from_arrays(arrays, names=list(names)), partial)
-        os.replace(partial, path)
-    except OSError as error:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
-        why = error.strerror or str(error)
-        raise ConfigurationError(str(path), f'can not be written: {why}') from error
     return path
 
 

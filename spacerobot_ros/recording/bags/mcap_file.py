@@ -7,7 +7,6 @@ record makes no sense, the next chunk whose checksum fits is sought. Format: htt
 
 from __future__ import annotations
 
-import io
 import mmap
 import re
 from collections import Counter
