@@ -3,8 +3,8 @@
 Write one page that plays a recording in 3D: bodies from the URDF's visuals or from their inertia,
 base attitude, joints, wheel and total momentum as arrows; beneath it the channels. A ghost shows
 what the model makes of the measured efforts, beginning again from the measured state every two
-seconds. The page needs no network; meshes are read from STL, OBJ and
-DAE (with the extra `meshes`). ROS is not needed.
+seconds. The page needs no network; meshes are read from STL, OBJ and DAE (with the extra
+`meshes`). ROS is not needed.
 
 examples:
   spacerobot show run --robot config/servicer.yaml -o out/replay.html
