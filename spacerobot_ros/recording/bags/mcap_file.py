@@ -57,6 +57,11 @@ class McapFile:
         self._spans: list[tuple[int, int] | None] = []  # of chunks [ns]; None for damage between
         self._damaged_at: int | None = None
         self.has_checksums, self._has_chunks, self._is_spoilt = True, False, False
+        self._open()
+
+    def _open(self) -> None:
+        """Read the file; refuse one of which nothing is good."""
+        path = self.path
         try:
             with path.open('rb') as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
                 self._data = data
