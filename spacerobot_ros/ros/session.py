@@ -27,8 +27,8 @@ from .qos import SAMPLES
 
 _WAIT = 0.05  # s for a callback
 _SPINS = 20  # from one look at whether something moves to the next
-_PLAIN = b'\0\1'  # CDR, little-endian (OMG DDS-XTypes 1.3, section 7.6.3)
-_STAMP = struct.Struct('<4xiI')
+_STAMPS = {b'\0\0': struct.Struct('>4xiI'), b'\0\1': struct.Struct('<4xiI')}
+"""By the beginning of a message in plain CDR: of which endianness its stamp is."""
 
 
 class SessionError(SpaceRobotError, RuntimeError):
@@ -137,7 +137,7 @@ class Session:
 
 
 class Recorder:
-    """Collects the serialized messages of topics; what is too short for a stamp is left out.
+    """Collects the serialized messages of topics; what has no stamp is left out.
 
     Args:
         node: Node to listen with.
@@ -161,9 +161,10 @@ class Recorder:
         name = type_name(message_type)
 
         def take(cdr: bytes) -> None:
-            if len(cdr) < _STAMP.size or cdr[:2] != _PLAIN:
+            layout = _STAMPS.get(cdr[:2])
+            if layout is None or len(cdr) < layout.size:
                 return
-            sec, nanosec = _STAMP.unpack_from(cdr)
+            sec, nanosec = layout.unpack_from(cdr)
             stamp = sec * 1_000_000_000 + nanosec
             self.newest_ns[topic] = stamp
             self._sink(topic, name, stamp, cdr)
