@@ -13,7 +13,6 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typest
 from rosbags.typesys.store import Typestore
 
 from ...errors import MessageRejectedError, RecordingError
-from ...types import Array
 from .compose import PACKAGE, Composer
 
 _HEAD = 4  # bytes before a message that say how it is serialized
@@ -68,11 +67,8 @@ def message_folder() -> Path:
 @functools.cache
 def composer() -> Composer:
     """Makes messages of `typestore()`, to be `encoded`."""
-    return Composer(typestore().types.__getitem__, _doubles)
-
-
-def _doubles(values: Array) -> Array:
-    return np.asarray(values, dtype=np.float64)
+    doubles = functools.partial(np.asarray, dtype=np.float64)
+    return Composer(typestore().types.__getitem__, doubles)
 
 
 def decoded(msgtype: str, cdr: bytes, *, with_package: bool = True) -> Any:
