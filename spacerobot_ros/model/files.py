@@ -169,7 +169,7 @@ def _without_waiting(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_NONBLOCK)
 
 
-def write_text(path: str | Path, text: str, replaced: Path | None = None) -> Path:
+def write_text(path: str | Path, text: str | bytes, replaced: Path | None = None) -> Path:
     """Write a file, complete or not at all, making its folder; returns its path.
 
     Args:
@@ -181,7 +181,7 @@ def write_text(path: str | Path, text: str, replaced: Path | None = None) -> Pat
         ConfigurationError: it can't be written.
     """
     with written_whole(path, replaced=replaced) as partial:
-        partial.write_text(text, encoding='utf-8')
+        partial.write_bytes(text.encode() if isinstance(text, str) else text)
     return Path(path)
 
 
