@@ -18,12 +18,12 @@ from rclpy.signals import SignalHandlerOptions
 
 from ..errors import MessageRejectedError, SpaceRobotError
 from ..interrupts import held_back
+from ..model.schema import leaves
 from ..model.settings import Settings
 from ..recording.bags.message_types import CanonicalMessages
 from .convert import type_name
 from .executor import make_executor, spin_once
 from .middleware import set_up_middleware
-from .params import leaves
 from .qos import SAMPLES
 
 _WAIT = 0.05  # s for a callback
