@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..display import Section, Table
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
         data = {'schema': 1, **estimate.to_dict()}
         for parameter, group in zip(data['parameters'], groups, strict=True):
             parameter['groups'] = group
-        data['advice'] = [asdict(one) for one in advice]
+        data['advice'] = advice
         print_json(data)
     else:
         print_sections(_sections(estimate, groups, advice))
