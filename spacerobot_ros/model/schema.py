@@ -73,6 +73,13 @@ class Allowed(Bounds):
     choices: tuple[str, ...] = ()
     length: int | None = None
 
+    @property
+    def limits(self) -> list[str]:
+        """All that it must be, in words."""
+        choices = [f'one of {", ".join(self.choices)}'] if self.choices else []
+        length = [] if self.length is None else [f'{self.length} numbers']
+        return [*choices, *length, *self.words]
+
     def check_value(self, value: Any, place: str) -> None:
         """Refuse a number, text or list of the right type that is not allowed."""
         if self.length is not None and len(value) != self.length:

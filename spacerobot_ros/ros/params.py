@@ -21,7 +21,7 @@ from ..errors import ConfigurationError
 from ..model.files import read_text
 from ..model.loader import build_robot, resolve_urdf
 from ..model.robot import Robot
-from ..model.schema import Allowed, Leaf, TextList, leaves, param, parse_section
+from ..model.schema import Leaf, TextList, leaves, param, parse_section
 from ..model.settings import Settings, parse_settings
 from .qos import LATCHED
 from .scheduling import SCHEDULING
@@ -71,7 +71,7 @@ def declare_settings(node: Node) -> Settings:
     settings = parse_settings({'robot': {}, **nested(given)})
     for name, _, allowed, kind, value in own:
         if type(value) is not kind or value not in (allowed.choices or [value]):
-            expected = _limits(allowed) or kind.__name__
+            expected = '; '.join(allowed.limits) or kind.__name__
             raise ConfigurationError(name, f'expected {expected}, got {value!r}')
     for leaf in (*own, *leaves(settings)):
         _declare(node, leaf)
@@ -179,7 +179,7 @@ def _declare(node: Node, leaf: Leaf) -> None:
     value, allowed = leaf.value, leaf.allowed
     descriptor = ParameterDescriptor(
         description=f'{leaf.meaning} [{allowed.unit}]' if allowed.unit else leaf.meaning,
-        additional_constraints=_limits(allowed),
+        additional_constraints='; '.join(allowed.limits),
         dynamic_typing=value is None,
     )
     given: Any = list(value) if isinstance(value, tuple) else value
@@ -189,9 +189,3 @@ def _declare(node: Node, leaf: Leaf) -> None:
     node.declare_parameter(leaf.name, given, descriptor, ignore_override=True)
     if value == ():
         node.set_parameters([Parameter(leaf.name, given, [])])
-
-
-def _limits(allowed: Allowed) -> str:
-    choices = f'one of {", ".join(allowed.choices)}' if allowed.choices else ''
-    length = '' if allowed.length is None else f'{allowed.length} numbers'
-    return '; '.join(filter(None, [choices, length, *allowed.words]))
