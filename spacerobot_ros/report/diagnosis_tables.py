@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from ..diagnosis.answer.appearance import Appearance
 from ..diagnosis.answer.cause import Cause
-from ..diagnosis.answer.closed_loop_gain import ClosedLoopGain
+from ..diagnosis.answer.closed_loop_gain import ClosedLoopGain, RmsErrors
 from ..diagnosis.answer.output import relevance
 from ..diagnosis.answer.result import Diagnosis, FreeMotion, Residual
 from ..diagnosis.answer.words import at, in_recordings
@@ -180,12 +180,11 @@ def appearance_table(appearances: Mapping[str, Appearance], caption: str) -> Tab
 
 def closed_loop_table(closed: ClosedLoopGain) -> Table:
     """One row a joint, and all of them."""
-    units = {**closed.units, 'all': closed.unit}
-    every = [*closed.joints.items(), ('all', (closed.rms_before, closed.rms_after))]
+    every: dict[str, RmsErrors | ClosedLoopGain] = {**closed.joints, 'all': closed}
     rows = [
-        (joint, units[joint], number(before, 3), number(after, 3),
-         percent(after / before) if before else '')
-        for joint, (before, after) in every
+        (joint, own.unit, number(own.rms_before, 3), number(own.rms_after, 3),
+         percent(own.rms_after / own.rms_before) if own.rms_before else '')
+        for joint, own in every.items()
     ]  # fmt: skip
     head = ('joint', 'unit', 'rms error before', 'rms error after', 'of it left')
     return Table(head, rows)

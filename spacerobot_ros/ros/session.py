@@ -18,11 +18,11 @@ from rclpy.signals import SignalHandlerOptions
 
 from ..errors import SpaceRobotError
 from ..interrupts import held_back
+from ..model.schema import leaves
 from ..model.settings import Settings
 from .convert import type_name
 from .executor import make_executor, spin_once
 from .middleware import set_up_middleware
-from .params import leaves
 from .qos import SAMPLES
 
 _WAIT = 0.05  # s for a callback

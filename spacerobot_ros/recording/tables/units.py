@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 
-from ...errors import RecordingError
+from ...errors import RecordingError, did_you_mean
 
 TIME, ANGLE, LENGTH = 'time', 'angle', 'length'
 ANGULAR_RATE, LINEAR_RATE = 'angular rate', 'linear rate'
@@ -71,6 +70,5 @@ def si_size(unit: str, quantity: str, place: str) -> float:
     other = next((q for q, sizes in _SIZES.items() if name in sizes), None)
     if other is not None:
         raise RecordingError(place, f'{unit!r} is a unit of {other}, expected one of {quantity}')
-    close = difflib.get_close_matches(name, known, n=1)
-    hint = f'did you mean {close[0]!r}?' if close else f'known: {", ".join(known)}'
+    hint = did_you_mean(name, known, f'known: {", ".join(known)}')
     raise RecordingError(place, f'unknown unit {unit!r} of {quantity} ({hint})')
