@@ -11,10 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..dynamics.equations import Dynamics
-from ..dynamics.integrate import Holding
+from ..dynamics.integrate import DOP853, Holding, Tableau
 from ..dynamics.ledger import MomentumLedger
 from ..dynamics.state import State
-from ..dynamics.tableaus import DOP853, Tableau
 from ..effects.effect import Effect
 from ..errors import ConfigurationError, MessageRejectedError, SimulationDivergedError
 from ..formats import counted

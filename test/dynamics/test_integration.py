@@ -24,10 +24,9 @@ from support.states import random_state
 
 from spacerobot_ros.control.joint_reference import build_reference
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.integrate import hold_step, rk_step
+from spacerobot_ros.dynamics.integrate import DOP853, RK4, hold_step, rk_step
 from spacerobot_ros.dynamics.smooth_motion import simulate_smooth
 from spacerobot_ros.dynamics.state import State
-from spacerobot_ros.dynamics.tableaus import DOP853, RK4
 from spacerobot_ros.errors import SimulationDivergedError
 from spacerobot_ros.model.motion_settings import ReferenceSettings
 from spacerobot_ros.model.settings import SimulatorSettings

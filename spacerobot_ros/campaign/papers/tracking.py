@@ -15,9 +15,8 @@ from scipy.optimize import brentq
 
 from ...control.computed_torque import Model, estimated_model, law_model
 from ...dynamics.equations import Dynamics
-from ...dynamics.integrate import rk_step
+from ...dynamics.integrate import RK4, rk_step
 from ...dynamics.state import State
-from ...dynamics.tableaus import RK4
 from ...errors import IdentificationError
 from ...identification.estimate import Estimate
 from ...types import Array
