@@ -7,7 +7,7 @@ ENTER := source ./env.sh &&
 export PYTHON
 unexport PYTHONDONTWRITEBYTECODE # else every start compiles what was edited since the set-up
 
-.PHONY: help setup demo test docs lint fmt check bench replay fuzz build msgs lock clean
+.PHONY: help setup demo test docs lint fmt check reproduce replay fuzz build msgs lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z][a-z-]*:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' Makefile
@@ -41,9 +41,8 @@ fmt: setup  ## format the code and mend what ruff can
 
 check: lint test  ## what CI runs
 
-bench: setup  ## simulators side by side at equal accuracy; ARGS='--peers FOLDER' adds their environments
-	@$(ENTER) OMP_NUM_THREADS=1 python bench/simulation.py $(ARGS)
-	@$(ENTER) OMP_NUM_THREADS=1 python bench/regressor.py
+reproduce: setup  ## an experiment, campaign or benchmark; NAME=wheel-momentum, ARGS='--quick'; NAME=--help lists them
+	@$(ENTER) OMP_NUM_THREADS=1 python -m validation $(or $(NAME),--help) $(ARGS)
 
 replay: setup  ## what changed of the answers to 130 recordings, in words; QUICK=1: twenty of them; ARGS='arm-00' some
 	@$(ENTER) python -m validation.replay $(if $(QUICK),--quick) $(ARGS)

@@ -19,13 +19,13 @@ except ImportError:
     sys.exit('atheris is not installed: .venv/bin/pip install atheris')
 
 with atheris.instrument_imports(include=['spacerobot_ros', 'yaml', 'rosbags']):
-    from spacerobot_ros.campaign.damage import MOST_CHARACTERS
-    from spacerobot_ros.campaign.hidden.diagnosis_scenario import packaged
     from spacerobot_ros.effects.robot_file import load_robot_file
     from spacerobot_ros.errors import SpaceRobotError
     from spacerobot_ros.model.urdf import parse_urdf
     from spacerobot_ros.recording.bags.bag import read_bag
     from spacerobot_ros.recording.read import read_record
+    from validation.faults.damage import MOST_CHARACTERS
+    from validation.hidden.diagnosis_scenario import packaged
 
 PLACE = Path(tempfile.mkdtemp(prefix='spacerobot-fuzz-'))
 

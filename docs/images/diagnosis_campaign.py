@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib import pyplot as plt
 
-from spacerobot_ros.campaign.hidden.diagnosis_campaign_tables import drawings
 from spacerobot_ros.display import Matrix, Panel
+from validation.hidden.diagnosis_campaign_tables import drawings
 
 HERE = Path(__file__).parent
 

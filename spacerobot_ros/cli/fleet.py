@@ -38,16 +38,16 @@ from .options import (
 from .terminal import print_json, print_sections, progress
 
 if TYPE_CHECKING:
-    from ..fleet.single import Recording
+    from ..batch.single import Recording
 
 
 def run(args: argparse.Namespace) -> int:
     """Diagnose what is not yet, write, print; 0 where all are consistent with the model."""
-    from ..campaign.runner import Kept, Tasks, complete
+    from ..batch.fleet_page import fleet_page, summary
+    from ..batch.fleet_table import COLUMNS, table_rows, write_table
+    from ..batch.runner import Kept, Tasks, complete
+    from ..batch.single import diagnose_one, find_recordings, without_duplicates
     from ..effects.robot_file import load_robot_file
-    from ..fleet.fleet_page import fleet_page, summary
-    from ..fleet.fleet_table import COLUMNS, table_rows, write_table
-    from ..fleet.single import diagnose_one, find_recordings, without_duplicates
     from ..report.html import write_report
 
     out = check_folder(args.out)

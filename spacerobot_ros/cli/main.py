@@ -8,7 +8,6 @@ examples:
   spacerobot simulate --robot config/servicer.yaml -o run
   spacerobot identify run --robot config/servicer.yaml
   spacerobot diagnose run --robot config/servicer.yaml --out out/diagnosis
-  spacerobot reproduce wheel-momentum                  the paper's tables, beside the printed ones
 
 exit status: 0 done, 1 done but the answer is no, 2 input that can't be used, 3 a fault of ours,
 130 interrupted
@@ -44,7 +43,6 @@ COMMANDS = {
     'excite': 'design the motion that an identification learns most from',
     'montecarlo': 'simulate the closed loop over ranges of what is not known',
     'export': 'write a model for MuJoCo or as plain URDF, and say what is lost',
-    'reproduce': 'repeat published experiments and campaigns beside their figures',
     'completion': 'what makes bash or zsh complete all of this',
 }
 """Commands, and what they do in a line."""

@@ -45,23 +45,23 @@ from .options import (
 from .terminal import print_json, print_sections, progress
 
 if TYPE_CHECKING:
-    from ..campaign.montecarlo.ranges import Ranges
+    from ..batch.ranges import Ranges
 
 _BLOCKS = {False: 4, True: 500}  # runs of a task: seconds of work
 
 
 def run(args: argparse.Namespace) -> int:
     """Run what is not there yet, write, print; 0 where every run ended."""
-    from ..campaign.montecarlo.montecarlo_results import (
+    from ..batch.fleet_table import write_table
+    from ..batch.montecarlo_results import (
         montecarlo_page,
         percentiles,
         sections,
         worst,
     )
-    from ..campaign.montecarlo.montecarlo_trial import RUN, check_dynamics, trial_block
-    from ..campaign.montecarlo.ranges import load_ranges
-    from ..campaign.runner import Kept, Tasks, complete
-    from ..fleet.fleet_table import write_table
+    from ..batch.montecarlo_trial import RUN, check_dynamics, trial_block
+    from ..batch.ranges import load_ranges
+    from ..batch.runner import Kept, Tasks, complete
     from ..report.html import write_report
 
     out = check_folder(args.out)
@@ -122,8 +122,8 @@ def _missing(failures: Mapping[str, str]) -> list[dict[str, object]]:
 
 def _replay(args: argparse.Namespace, ranges: Ranges, out: Path) -> int:
     """One run again, alone."""
-    from ..campaign.montecarlo.montecarlo_results import run_table
-    from ..campaign.montecarlo.montecarlo_trial import closed_loop, closed_loop_row, dynamics_rows
+    from ..batch.montecarlo_results import run_table
+    from ..batch.montecarlo_trial import closed_loop, closed_loop_row, dynamics_rows
     from ..simulation.closed_loop import record_run
 
     if args.dynamics:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from ..campaign.workers import Workers
+    from ..batch.workers import Workers
 
 Subparsers = argparse._SubParsersAction
 
@@ -117,7 +117,7 @@ def workers_of(args: argparse.Namespace, *, isolated: bool) -> Workers:
     Raises:
         ConfigurationError: a scheduler is given, and there is no Dask.
     """
-    from ..campaign.workers import Workers, has_dask
+    from ..batch.workers import Workers, has_dask
 
     number = args.jobs or len(os.sched_getaffinity(0))
     if not has_dask():

@@ -18,7 +18,7 @@ from .pieces_conclusion import combined
 
 _PER_SAMPLE = 2500.0
 """Bytes that a diagnosis needs a sample and joint squared: every joint adds rows and columns, each
-held a few times. `bench/scaling.py` measures 2300 to 2950 from point to point, 3200 at most."""
+held a few times. `python -m validation bench.scaling` measures 2300 to 2950, 3200 at most."""
 MOST_MEMORY = 4e9  # bytes; a record that needs more is taken in pieces
 PIECE_MEMORY = 7e8
 """Of each, so that all of it stays below 2 GB: of two hours of seven joints the record alone, and

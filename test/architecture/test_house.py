@@ -25,8 +25,7 @@ LAYERS = (
     ('identification',),
     ('control',),
     ('simulation', 'excitation', 'diagnosis'),
-    ('campaign',),
-    ('report', 'fleet', 'demo', 'ros', 'nodes', 'cli'),
+    ('report', 'batch', 'demo', 'ros', 'nodes', 'cli'),
 )
 """Rooms and modules beside them, lowest first: each may know its own layer and those below."""
 ROS = ('rclpy', 'launch', 'launch_ros', 'rosidl_runtime_py', 'ament_index_python', 'rpyutils')

@@ -305,7 +305,7 @@ def test_decimals_show_two_digits_of_the_standard_deviation(std, expected):
 # ---------------------------------------------------------------- the frame around
 
 
-@pytest.mark.parametrize('command', [None, 'simulate', 'identify', 'demo', 'reproduce'])
+@pytest.mark.parametrize('command', [None, 'simulate', 'identify', 'demo'])
 def test_help_teaches_by_examples(capsys, command):
     with pytest.raises(SystemExit) as stop:
         main.main([command, '--help'] if command else ['--help'])

@@ -8,15 +8,6 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from spacerobot_ros.campaign.papers.adaptive_judge import identities
-from spacerobot_ros.campaign.papers.adaptive_run import (
-    START,
-    LoopCase,
-    harmonic,
-    minisat,
-    run_case,
-    wrong_prior,
-)
 from spacerobot_ros.control.adaptive.controller import AdaptiveController
 from spacerobot_ros.control.adaptive.law_signals import LIMIT, AdaptiveSettings, Measured
 from spacerobot_ros.control.adaptive.physical_consistency import (
@@ -28,6 +19,15 @@ from spacerobot_ros.control.adaptive.physical_consistency import (
 from spacerobot_ros.dynamics.equations import Dynamics, without_translation
 from spacerobot_ros.dynamics.pseudo_inertia import parameters_of, pseudo_inertia
 from spacerobot_ros.errors import ConfigurationError, MessageRejectedError
+from validation.papers.adaptive_judge import identities
+from validation.papers.adaptive_run import (
+    START,
+    LoopCase,
+    harmonic,
+    minisat,
+    run_case,
+    wrong_prior,
+)
 
 PERIOD = 0.05
 

@@ -7,7 +7,6 @@ import pinocchio as pin
 import pytest
 from support.models import DUAL_ARM, random_tree, robot_of
 
-from spacerobot_ros.campaign.pinocchio_peer import peer
 from spacerobot_ros.control.adaptive.regressors import (
     Regressors,
     parameter_names,
@@ -16,6 +15,7 @@ from spacerobot_ros.control.adaptive.regressors import (
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.errors import ConfigurationError
+from validation.pinocchio_peer import peer
 
 CLOSE = {'rtol': 1e-12, 'atol': 1e-12}  # a few hundred products of numbers of order ten
 WHEELS = {

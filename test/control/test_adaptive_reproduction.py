@@ -1,4 +1,4 @@
-"""`spacerobot reproduce adaptive-control`: the command itself, its tables and its checks."""
+"""`python -m validation adaptive-control`: the command itself, its tables and its checks."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.description import EXPERIMENTS
-from spacerobot_ros.campaign.papers import adaptive_control
-from spacerobot_ros.campaign.papers.adaptive_judge import median, select, worst
-from spacerobot_ros.campaign.runner import finish
-from spacerobot_ros.cli.main import main
+from validation.__main__ import main
+from validation.campaigns import CAMPAIGNS, finish
+from validation.papers import adaptive_control
+from validation.papers.adaptive_judge import median, select, worst
 
 STEPS = 4  # control periods a run: what the command does, not how well the laws learn
 
@@ -35,7 +34,7 @@ def short():
 
 def test_the_command_writes_its_page_and_lists_what_is_missed(short, tmp_path, capsys):
     there = tmp_path / 'out'
-    command = ['reproduce', 'adaptive-control', '--quick', '--json', '--jobs', '1']
+    command = ['adaptive-control', '--quick', '--json', '--jobs', '1']
     status = main([*command, '--out', str(there)])
     data = json.loads(capsys.readouterr().out)
     assert (there / 'report.html').stat().st_size > 0
@@ -54,7 +53,7 @@ def test_the_command_writes_its_page_and_lists_what_is_missed(short, tmp_path, c
 def one_diverged(short, tmp_path_factory):
     """Results of very short runs, one of which counts as diverged."""
     keys = adaptive_control.trials(1, True)
-    records = finish(EXPERIMENTS['adaptive-control'], keys, tmp_path_factory.mktemp('one')).records
+    records = finish(CAMPAIGNS['adaptive-control'], keys, tmp_path_factory.mktemp('one')).records
     gone = ['harmonic', 'iid', 0.4, 'adaptive_rls', 'none', 0]
     for record in records:
         record |= {'diverged': True} if record.get('key') == gone else {}

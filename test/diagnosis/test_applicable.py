@@ -8,13 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden.real_arm import JOINTS, RealArm, arm_file
 from spacerobot_ros.diagnosis import diagnose
 from spacerobot_ros.diagnosis.answer.result import Diagnosis
 from spacerobot_ros.diagnosis.arms import applicable
 from spacerobot_ros.diagnosis.search import predictable
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
+from validation.hidden.real_arm import JOINTS, RealArm, arm_file
 
 
 @pytest.mark.parametrize('guilty', [0, 1, 2])

@@ -10,8 +10,6 @@ import pinocchio as pin
 import pytest
 from scipy.signal import lfilter
 
-from spacerobot_ros.campaign.hidden.event_machines import MACHINES
-from spacerobot_ros.campaign.hidden.real_arm import COULOMB, JOINTS, RATE, RealArm, arm_file
 from spacerobot_ros.diagnosis.answer.event_answer import with_events
 from spacerobot_ros.diagnosis.answer.result import Diagnosis
 from spacerobot_ros.diagnosis.diagnose import diagnose
@@ -29,6 +27,8 @@ from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 from spacerobot_ros.report.event_tables import event_table
+from validation.hidden.event_machines import MACHINES
+from validation.hidden.real_arm import COULOMB, JOINTS, RATE, RealArm, arm_file
 
 PULSES = ((1, 6.0, 1.0, 25.0), (3, 12.0, 0.6, -4.0), (0, 17.0, 1.5, 30.0))
 """Joint, start [s], duration [s], torque on the joint [N m]: 0.8 to 1.5 times its friction."""

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from spacerobot_ros.campaign.hidden.real_arm import arm_file
 from spacerobot_ros.diagnosis.arms import arm_spread
 from spacerobot_ros.diagnosis.arms.arm_found import is_clear
 from spacerobot_ros.diagnosis.limits import ALIKE
@@ -17,6 +16,7 @@ from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.balance.arm_fit import ArmFit
 from spacerobot_ros.estimation.columns import candidate_at
 from spacerobot_ros.estimation.inference.evidence import Gram
+from validation.hidden.real_arm import arm_file
 
 KEEP, DRIVE = 0.97, 0.05  # of a leftover from row to row, tens of rows long; [N m]
 COULOMB, MORE, SLOW = 1.0, 0.3, 0.4  # N m, N m, rad/s

@@ -8,15 +8,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from spacerobot_ros.campaign.hidden.diagnosis_scenario import packaged
-from spacerobot_ros.campaign.hidden.real_arm import (
-    COULOMB,
-    JOINTS,
-    VISCOUS,
-    RealArm,
-    arm_file,
-    arm_urdf,
-)
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section, named
 from spacerobot_ros.diagnosis.answer.output import to_dict
 from spacerobot_ros.diagnosis.arms.arm_evidence import evidence_of
@@ -34,6 +25,15 @@ from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
+from validation.hidden.diagnosis_scenario import packaged
+from validation.hidden.real_arm import (
+    COULOMB,
+    JOINTS,
+    VISCOUS,
+    RealArm,
+    arm_file,
+    arm_urdf,
+)
 
 PAYLOAD = {'mass': 3.0, 'mx': 0.0, 'my': 0.45, 'mz': 0.0}
 PAYLOAD |= {'ixx': 0.07, 'ixy': 0.0, 'iyy': 0.004, 'ixz': 0.0, 'iyz': 0.0, 'izz': 0.07}

@@ -12,8 +12,6 @@ import numpy as np
 import pytest
 from support.contracts import keeps
 
-from spacerobot_ros.campaign.hidden.diagnosis_scenario import packaged
-from spacerobot_ros.campaign.hidden.real_arm import RealArm, arm_file
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.diagnosis.arms.held_out_checks import holds
 from spacerobot_ros.diagnosis.comparison.change_conclusion import conclude_changes
@@ -30,6 +28,8 @@ from spacerobot_ros.recording.read import read_record
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 from spacerobot_ros.report.comparison_page import comparison_page
 from spacerobot_ros.report.html import write_report
+from validation.hidden.diagnosis_scenario import packaged
+from validation.hidden.real_arm import RealArm, arm_file
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get('SPACEROBOT_DATA', ROOT.parent / 'shared' / 'data'))

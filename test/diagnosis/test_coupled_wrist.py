@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden import real_arm
-from spacerobot_ros.campaign.hidden.real_arm import COULOMB, VISCOUS, RealArm, arm_file
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.catalogue import CATALOGUE
+from validation.hidden import real_arm
+from validation.hidden.real_arm import COULOMB, VISCOUS, RealArm, arm_file
 
 DRY, WET = 2.0, 0.6  # N m, N m s/rad of the sum of the two rates
 MOVE, REST = 0.9, 0.1  # s

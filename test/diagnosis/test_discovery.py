@@ -8,9 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden.discovery_campaign import HeldArm
-from spacerobot_ros.campaign.hidden.hidden_laws import LAWS
-from spacerobot_ros.campaign.hidden.real_arm import COULOMB, POSE, RATE, RealArm, arm_file
 from spacerobot_ros.diagnosis.answer.output import to_dict
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.discovery.other_recording import judged_on
@@ -18,6 +15,9 @@ from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects
 from spacerobot_ros.recording.record import to_stamps
 from spacerobot_ros.recording.series import InputSeries
 from spacerobot_ros.report.leftover_tables import leftover_items, leftover_lines
+from validation.hidden.discovery_campaign import HeldArm
+from validation.hidden.hidden_laws import LAWS
+from validation.hidden.real_arm import COULOMB, POSE, RATE, RealArm, arm_file
 
 FEW = [CATALOGUE[f'joint_{name}_friction'] for name in ('coulomb', 'viscous')]
 MOVING, DURATION = ('joint_2', 'joint_3'), 20.0
@@ -249,7 +249,7 @@ def test_a_joint_of_one_speed_is_told(law, monkeypatch):
         qd = np.where(turns == 0, 0.25, -0.25)[:, None] * is_moving
         return q, qd, np.zeros_like(q)
 
-    monkeypatch.setattr('spacerobot_ros.campaign.hidden.real_arm.motion_of', back_and_forth)
+    monkeypatch.setattr('validation.hidden.real_arm.motion_of', back_and_forth)
     answer, _ = asked(law)
     entry = of_joint(answer)
     assert (entry.form is None) == (law is None)

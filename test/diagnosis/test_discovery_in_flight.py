@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from support.diagnosis import friction_cause, hand_made
 
-from spacerobot_ros.campaign.hidden.diagnosis_scenario import motion_of, robot_file, simulated
 from spacerobot_ros.control.loop import ControlLoop
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section
 from spacerobot_ros.diagnosis.discovery.discover_in_flight import _places, discover_in_flight
@@ -24,6 +23,7 @@ from spacerobot_ros.estimation.refit import refine
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.simulation.closed_loop import ClosedLoop
+from validation.hidden.diagnosis_scenario import motion_of, robot_file, simulated
 
 ROBOT, SECONDS, TASK = 'minisat', 8.0, 4.0
 DRAG = 0.02  # N m s^2/rad^2

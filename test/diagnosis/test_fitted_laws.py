@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden.real_arm import COULOMB, VISCOUS, RealArm, arm_file
 from spacerobot_ros.diagnosis.arms.arm_found import ArmFound
 from spacerobot_ros.diagnosis.arms.selection import Selection
 from spacerobot_ros.diagnosis.discovery.arm_channels import ArmMotions
@@ -22,6 +21,7 @@ from spacerobot_ros.estimation.balance.arm_priors import VISCOUS as SLIDING
 from spacerobot_ros.estimation.balance.arm_rows import ArmRows
 from spacerobot_ros.estimation.balance.balance import balance_of
 from spacerobot_ros.estimation.trajectory.observations import observed
+from validation.hidden.real_arm import COULOMB, VISCOUS, RealArm, arm_file
 
 JOINT, ASYMMETRY = 2, 4.0  # N m s/rad
 GROWTH = 0.002  # of the load's square, 1/(N m)

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden.monitor_flights import (
+from spacerobot_ros.diagnosis.flight.block_innovations import BlockInnovations
+from spacerobot_ros.diagnosis.flight.observed import Observations
+from spacerobot_ros.errors import MessageRejectedError
+from validation.hidden.monitor_flights import (
     FAULTS,
     Flight,
     in_flight,
     monitor_of,
     watch,
 )
-from spacerobot_ros.diagnosis.flight.block_innovations import BlockInnovations
-from spacerobot_ros.diagnosis.flight.observed import Observations
-from spacerobot_ros.errors import MessageRejectedError
 
 ONSET = 6.0
 SHORT = {'learn': 5.0}

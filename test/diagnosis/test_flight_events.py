@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from support.models import random_tree, robot_of
 
-from spacerobot_ros.campaign.hidden.monitor_flights import Flight, in_flight, monitor_of
 from spacerobot_ros.diagnosis.flight.block_innovations import Block
 from spacerobot_ros.diagnosis.flight.event_watch import EventWatch
 from spacerobot_ros.diagnosis.flight.monitor import Monitor
@@ -14,6 +13,7 @@ from spacerobot_ros.effects.catalogue import bind_effects
 from spacerobot_ros.errors import MessageRejectedError
 from spacerobot_ros.simulation.closed_loop import ClosedLoop
 from spacerobot_ros.simulation.plant import Plant
+from validation.hidden.monitor_flights import Flight, in_flight, monitor_of
 
 ONSET = 7.0
 SHORT = {'learn': 4.0}

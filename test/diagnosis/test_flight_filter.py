@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden.monitor_flights import Flight, monitor_of
 from spacerobot_ros.diagnosis.flight.block_filter import FlightFilter
 from spacerobot_ros.diagnosis.flight.block_innovations import BlockInnovations
 from spacerobot_ros.diagnosis.flight.probes import probes_of
@@ -12,6 +11,7 @@ from spacerobot_ros.estimation.filters.prediction import MeasuredMotion
 from spacerobot_ros.estimation.filters.torque_process import TorqueDriven
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.recording.buffer import SampleBuffer
+from validation.hidden.monitor_flights import Flight, monitor_of
 
 
 @pytest.fixture(scope='module')

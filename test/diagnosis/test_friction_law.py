@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden.real_arm import RealArm, arm_file
 from spacerobot_ros.diagnosis.arms.friction_law import friction_laws
 from spacerobot_ros.effects.catalogue import bind_effects
 from spacerobot_ros.estimation.balance.balance import balance_of
 from spacerobot_ros.estimation.trajectory.observations import observed
+from validation.hidden.real_arm import RealArm, arm_file
 
 JOINT, OTHER = 'joint_2', 'joint_3'
 RATE, ANGLE = f'rate/{JOINT}', f'angle/{JOINT}'

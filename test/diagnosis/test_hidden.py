@@ -14,13 +14,12 @@ import pytest
 
 pytest.importorskip('mujoco')
 
-from support.mujoco_robots import ROBOTS
-from support.mujoco_truth import generate
-
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.recording.npz import save_npz
 from spacerobot_ros.recording.read import read_record
+from validation.mujoco.robots import ROBOTS
+from validation.mujoco.truth import generate
 
 DURATION = 9.0  # s
 SIGMA = 4.0  # of eleven numbers, one is beyond it by chance in one of 1400 sets of seeds

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.diagnosis import diagnose
 from spacerobot_ros.diagnosis.events import impulse_scan
 from spacerobot_ros.diagnosis.events.event import Events, PossibleEvent
@@ -16,6 +15,7 @@ from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
+from validation.hidden.diagnosis_scenario import robot_file, simulated
 
 STEPS = ((4.0, 4.1, (0.1, -0.15, 0.08)), (9.0, 9.8, (-0.3, 0.2, 0.4)))
 """Start, end [s] and impulse [N m s] along inertial axes."""

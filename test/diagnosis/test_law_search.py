@@ -9,9 +9,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden.discovery_campaign import HeldArm
-from spacerobot_ros.campaign.hidden.hidden_laws import LawArm
-from spacerobot_ros.campaign.hidden.real_arm import arm_file
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.discovery.arm_channels import ArmMotions, JointChannel
 from spacerobot_ros.diagnosis.discovery.chance import chance_of
@@ -30,6 +27,9 @@ from spacerobot_ros.estimation.inference.spectral_terms import (
     ways_of_each,
 )
 from spacerobot_ros.estimation.trajectory.observations import observed
+from validation.hidden.discovery_campaign import HeldArm
+from validation.hidden.hidden_laws import LawArm
+from validation.hidden.real_arm import arm_file
 
 COUNT = 300  # terms
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden.real_arm import COULOMB, RealArm, arm_file
 from spacerobot_ros.diagnosis.diagnose import diagnose
+from validation.hidden.real_arm import COULOMB, RealArm, arm_file
 
 J, JOINT, DISPLACEMENT = 2, 'joint_3', 8e-3
 

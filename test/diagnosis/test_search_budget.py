@@ -8,10 +8,10 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.search import search
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
+from validation.hidden.diagnosis_scenario import robot_file, simulated
 
 FRICTION = 'joint_viscous_friction'
 UNFINISHED = 'before all that stands out was looked into'

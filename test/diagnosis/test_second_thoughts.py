@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden.real_arm import COULOMB, RealArm, arm_file
 from spacerobot_ros.diagnosis.arms.arms import levels_of
 from spacerobot_ros.diagnosis.arms.selection import Selection
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.balance.arm_levels import leftover_levels
 from spacerobot_ros.estimation.balance.arm_rows import ArmRows
 from spacerobot_ros.estimation.balance.balance import balance_of
+from validation.hidden.real_arm import COULOMB, RealArm, arm_file
 
 KINDS = ('joint_coulomb_friction', 'joint_stribeck_friction')
 

@@ -9,13 +9,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.diagnosis import hand_made
 
-from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.diagnosis.discovery.discover_in_flight import discover_in_flight
 from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.recording.series import InputSeries
+from validation.hidden.diagnosis_scenario import robot_file, simulated
 
 ROBOT, SECONDS = 'minisat', 8.0
 SHIFT, BEND, SCALE, TURN = 1e-4, 8e-3, 1e-3, 2e-4

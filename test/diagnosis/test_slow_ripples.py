@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
+from validation.hidden.diagnosis_scenario import robot_file, simulated
 
 WHERE = 'joint_2'
 HIDDEN = {

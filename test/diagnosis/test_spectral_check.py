@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden.discovery_campaign import HeldArm
-from spacerobot_ros.campaign.hidden.real_arm import RealArm, arm_file
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.inference.spectral_terms import SpectralTerms
+from validation.hidden.discovery_campaign import HeldArm
+from validation.hidden.real_arm import RealArm, arm_file
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from support.diagnosis import cause_within_a_tenth
 
-from spacerobot_ros.campaign.hidden.real_arm import arm_file
 from spacerobot_ros.diagnosis.arms.spring_rest import with_rests
+from validation.hidden.real_arm import arm_file
 
 ROBOT = arm_file().robot
 

@@ -6,8 +6,6 @@ import pytest
 
 pytest.importorskip('mujoco')
 
-from support.mujoco_truth import generate
-
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.limits import MISFIT
 from spacerobot_ros.diagnosis.search import search
@@ -17,6 +15,7 @@ from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.refit import refine
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
+from validation.mujoco.truth import generate
 
 SPRING = 'joint_stiffness'
 OTHERS = (

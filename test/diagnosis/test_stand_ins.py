@@ -10,10 +10,6 @@ import numpy as np
 import pytest
 from support.lone_body import box_file
 
-from spacerobot_ros.campaign.hidden.diagnosis_campaign import HiddenCase
-from spacerobot_ros.campaign.hidden.diagnosis_campaign import run as run_case
-from spacerobot_ros.campaign.hidden.diagnosis_judge import is_equivalent
-from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.diagnosis.limits import CANCELLED, DRIFTING, LITTLE
 from spacerobot_ros.diagnosis.search import conclusion
 from spacerobot_ros.diagnosis.search.found import Choice, Found
@@ -29,6 +25,10 @@ from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.recording.buffer import SampleBuffer
 from spacerobot_ros.recording.robot_inputs import in_robot_order
 from spacerobot_ros.simulation.closed_loop import ClosedLoop
+from validation.hidden.diagnosis_campaign import HiddenCase
+from validation.hidden.diagnosis_campaign import run as run_case
+from validation.hidden.diagnosis_judge import is_equivalent
+from validation.hidden.diagnosis_scenario import robot_file, simulated
 
 SOUND = Soundness(held_out_gain=1.0, placebo_gain=0.0, constant_p=1.0)
 

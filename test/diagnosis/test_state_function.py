@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden import real_arm
-from spacerobot_ros.campaign.hidden.real_arm import COULOMB, POSE, RATE, RealArm, arm_file
 from spacerobot_ros.diagnosis.events.moving import PulseSearch
 from spacerobot_ros.diagnosis.events.state_function import beside_function
 from spacerobot_ros.diagnosis.events.states import States
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.balance.arm_rows import ArmRows
 from spacerobot_ros.estimation.balance.balance import balance_of
+from validation.hidden import real_arm
+from validation.hidden.real_arm import COULOMB, POSE, RATE, RealArm, arm_file
 
 JOINT, START, TORQUE = 4, 14.0, 5.0
 KINDS = ('joint_coulomb_friction', 'inertial_parameters', 'joint_stiffness')

@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from spacerobot_ros.campaign.hidden.real_arm import RealArm, arm_file
 from spacerobot_ros.diagnosis.answer.cause import Cause, Estimated, Evidence
 from spacerobot_ros.diagnosis.answer.words import cause_in_words
 from spacerobot_ros.diagnosis.arms.arm_spread import values_std
@@ -15,6 +14,7 @@ from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.balance.arm_rows import ArmRows
 from spacerobot_ros.estimation.balance.balance import balance_of
 from spacerobot_ros.estimation.trajectory.observations import observed
+from validation.hidden.real_arm import RealArm, arm_file
 
 VALUES = {'x': 0.4, 'y': 1.2, 'z': -4e-8}
 GRAVITY = CATALOGUE['gravity_error'](name='tilt', where=None, values=VALUES)

@@ -6,11 +6,6 @@ import pytest
 
 pytest.importorskip('mujoco')
 
-from support.mujoco_robots import ROBOTS
-from support.mujoco_run import Excitation
-from support.mujoco_sensors import Sensors
-from support.mujoco_truth import generate
-
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.search import search
 from spacerobot_ros.diagnosis.search.timing import first_timing, in_words, simpler_timing
@@ -21,6 +16,10 @@ from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.refit import refine
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
+from validation.mujoco.robots import ROBOTS
+from validation.mujoco.run import Excitation
+from validation.mujoco.sensors import Sensors
+from validation.mujoco.truth import generate
 
 DURATION = 8.0  # s
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from support.diagnosis import cause_within_a_tenth
 
-from spacerobot_ros.campaign.hidden.real_arm import RealArm, arm_file
 from spacerobot_ros.diagnosis.arms.two_directions import direction_notes, with_directions
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.catalogue import CATALOGUE
+from validation.hidden.real_arm import RealArm, arm_file
 
 JOINT = 'joint_2'
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from spacerobot_ros.campaign.hidden.real_arm import arm_file
 from spacerobot_ros.diagnosis.discovery.unmeasured import unmeasured_inputs, unshared_extras
 from spacerobot_ros.effects.catalogue import bind_effects
+from validation.hidden.real_arm import arm_file
 
 
 def law_of(*inputs):

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from support.diagnosis import friction_cause, hand_made
 
-from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file
 from spacerobot_ros.diagnosis import diagnose
 from spacerobot_ros.diagnosis.answer.cause import Estimated
 from spacerobot_ros.diagnosis.answer.result import Leftover
@@ -18,6 +17,7 @@ from spacerobot_ros.diagnosis.discovery.whole_friction import corrected_by, with
 from spacerobot_ros.effects.catalogue import bind_effect
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.estimation.rows import ChannelFit
+from validation.hidden.diagnosis_scenario import robot_file
 
 HALF = 3.0  # N m s/rad, that `friction_cause` names at joint_2: of 6 one way and none back
 BOTH = 'sign(x), x, |x|'

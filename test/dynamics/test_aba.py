@@ -9,9 +9,9 @@ from support.attitudes import quaternion_rate
 from support.models import DUAL_ARM, random_tree, robot_of
 from support.states import random_state
 
-from spacerobot_ros.campaign.pinocchio_peer import peer
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.rotation import rotation_matrix
+from validation.pinocchio_peer import peer
 
 WHEELS = {
     'servicer_wheels': {'momentum': [25.0, 27.0, 28.0]},

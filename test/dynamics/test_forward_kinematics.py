@@ -9,9 +9,9 @@ from support.effects import motion_of
 from support.models import DUAL_ARM, random_tree, robot_of
 from support.pinocchio_states import pin_acceleration, pin_columns, pin_states, wheel_torques
 
-from spacerobot_ros.campaign.pinocchio_peer import peer
 from spacerobot_ros.dynamics.tree import difference, is_empty, tree_of
 from spacerobot_ros.estimation.unknowns.response import InverseDynamics, needed
+from validation.pinocchio_peer import peer
 
 WHEELS = {
     'servicer_wheels': {'momentum': [25.0, 27.0, 28.0]},

@@ -9,10 +9,10 @@ from support.effects import motion_of
 from support.models import DUAL_ARM, random_tree, robot_of
 from support.pinocchio_states import pin_columns, pin_states, wheel_torques
 
-from spacerobot_ros.campaign.pinocchio_peer import peer
 from spacerobot_ros.dynamics.rotation import skew
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.filters.torque_process import TorqueDriven
+from validation.pinocchio_peer import peer
 
 WHEELS = {
     'servicer_wheels': {'momentum': [25.0, 27.0, 28.0]},

@@ -7,7 +7,6 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
-from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.effects.bodies.bodies import NAMES
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.equivalents import made_of
@@ -15,6 +14,7 @@ from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
+from validation.hidden.diagnosis_scenario import robot_file, simulated
 
 
 @pytest.fixture(scope='module')

@@ -29,7 +29,6 @@ from support.models import (
 )
 from support.pinocchio_states import pin_columns
 
-from spacerobot_ros.campaign.pinocchio_peer import peer
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.catalogue import bind_effect, bind_effects, changed_robot
 from spacerobot_ros.effects.wheels.rotors import transverse
@@ -38,6 +37,7 @@ from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.simulation.plant import Plant
 from spacerobot_ros.simulation.truth import true_robot
+from validation.pinocchio_peer import peer
 
 SECONDS = 2.0
 SAME = 1e-9  # MuJoCo's RK4 at 1 ms and ours of order 8 at 10 ms: both below 1e-10 here

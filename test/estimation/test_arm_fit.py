@@ -5,7 +5,6 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden.real_arm import JOINTS, RealArm, arm_file
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.estimation.balance.arm_fit import ArmFit, Posterior
@@ -15,6 +14,7 @@ from spacerobot_ros.estimation.balance.arm_rows_about import about_loads
 from spacerobot_ros.estimation.balance.balance import balance_of
 from spacerobot_ros.estimation.inference.evidence import Gram, sum_of
 from spacerobot_ros.estimation.trajectory.observations import observed
+from validation.hidden.real_arm import JOINTS, RealArm, arm_file
 
 
 def fit_of(hidden, kinds, chosen):

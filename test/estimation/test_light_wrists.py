@@ -7,16 +7,15 @@ import pytest
 
 pytest.importorskip('mujoco')
 
-from support.mujoco_robots import TruthRobot, chain
-from support.mujoco_run import Excitation
-from support.mujoco_sensors import Sensors
-from support.mujoco_truth import generate
-
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
+from validation.mujoco.robots import TruthRobot, chain
+from validation.mujoco.run import Excitation
+from validation.mujoco.sensors import Sensors
+from validation.mujoco.truth import generate
 
 LINKS = [
     ('0 0 0.3', 'z', '0 0 0.02', 0.3, '2e-4 2e-4 1e-4', '50'),

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden.monitor_flights import Flight, monitor_of
 from spacerobot_ros.estimation.filters.measured_torque import MeasuredTorque
 from spacerobot_ros.estimation.filters.prediction import Innovations, MeasuredMotion
 from spacerobot_ros.estimation.filters.torque_process import TorqueDriven
@@ -13,6 +12,7 @@ from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.trajectory.time_base import make_time_base
 from spacerobot_ros.recording.buffer import SampleBuffer
 from spacerobot_ros.recording.record import JointSeries, RateSeries, Record, to_stamps
+from validation.hidden.monitor_flights import Flight, monitor_of
 
 SPAN_NS = 8_000_000_000
 

@@ -9,13 +9,13 @@ import math
 
 import pytest
 
-from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.effects.joints.flexibility import Backlash
 from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.refit import refine
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
+from validation.hidden.diagnosis_scenario import robot_file, simulated
 
 JOINT = 'right_joint_3'  # its torque is as small as its noise for a fifth of the time
 

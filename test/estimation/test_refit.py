@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.diagnosis.search.ranking import may_rival
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.fit import Fit
@@ -15,6 +14,7 @@ from spacerobot_ros.estimation.refit import refine
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.estimation.unknowns.response import Response
+from validation.hidden.diagnosis_scenario import robot_file, simulated
 
 
 def applied(effect, where, **values):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden.diagnosis_scenario import robot_file, simulated
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.noise_levels import noise_levels
@@ -13,6 +12,7 @@ from spacerobot_ros.estimation.refit import refine
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.sensing.reading_gains import reading_gains
+from validation.hidden.diagnosis_scenario import robot_file, simulated
 
 SCALES = [
     ('servicer, fixed', 'encoder_scale', 'joint_1', {'gain': 0.85}),

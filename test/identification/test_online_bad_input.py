@@ -17,12 +17,12 @@ from support.online import (
     same,
 )
 
-from spacerobot_ros.campaign.hidden.diagnosis_scenario import packaged
 from spacerobot_ros.errors import MessageRejectedError
 from spacerobot_ros.estimation.trajectory.reference import NoiseLevels
 from spacerobot_ros.identification.online import OnlineIdentifier
 from spacerobot_ros.identification.outliers import without_outliers
 from spacerobot_ros.simulation.closed_loop import ClosedLoop
+from validation.hidden.diagnosis_scenario import packaged
 
 ONE, UNIT = np.ones(3), np.array([0.0, 0.0, 0.0, 1.0])
 NAN = np.array([0.0, np.nan, 0.0])

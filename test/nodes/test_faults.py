@@ -18,11 +18,6 @@ from sensor_msgs.msg import Imu, JointState
 from spacerobot_msgs.msg import Tracking
 from support.bench import MS, NAMES, Bench
 
-from spacerobot_ros.campaign import damage
-from spacerobot_ros.campaign.hidden.diagnosis_scenario import packaged
-from spacerobot_ros.nodes.fault_trials import fault_campaign as campaign
-from spacerobot_ros.nodes.fault_trials import process_faults, process_loop, wrong_streams
-from spacerobot_ros.nodes.fault_trials.message_fuzz import Patient, is_finite, spoilt
 from spacerobot_ros.nodes.program import NODES
 from spacerobot_ros.nodes.simulator import SimulatorNode
 from spacerobot_ros.recording.bags.message_types import CanonicalMessages
@@ -30,6 +25,10 @@ from spacerobot_ros.recording.clock_jumps import JumpDetector, Sample
 from spacerobot_ros.ros import executor
 from spacerobot_ros.ros.convert import compose, type_name
 from spacerobot_ros.ros.session import Session
+from validation.faults import damage, process_faults, process_loop, wrong_streams
+from validation.faults import fault_campaign as campaign
+from validation.faults.message_fuzz import Patient, is_finite, spoilt
+from validation.hidden.diagnosis_scenario import packaged
 
 pytestmark = pytest.mark.ros
 
@@ -291,7 +290,7 @@ def test_what_came_does_not_fill_the_log(rig, servicer):
 
 _STARTS_ONE = """
 import multiprocessing, time
-from spacerobot_ros.nodes.fault_trials.own_process import begin
+from validation.faults.own_process import begin
 if __name__ == '__main__':
     context = multiprocessing.get_context('forkserver')
     process = context.Process(target=begin, args=(99, time.sleep, (600,)), daemon=True)

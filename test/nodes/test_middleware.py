@@ -7,9 +7,9 @@ from contextlib import ExitStack
 
 import pytest
 
-from spacerobot_ros.nodes.fault_trials.process_loop import _own_domain
 from spacerobot_ros.ros import middleware
 from spacerobot_ros.ros.middleware import RANGE, set_up_middleware
+from validation.faults.process_loop import _own_domain
 
 pytestmark = pytest.mark.ros
 

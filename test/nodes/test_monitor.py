@@ -12,7 +12,6 @@ from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
 from support.rig import Wall
 
-from spacerobot_ros.campaign.hidden.monitor_flights import Flight, in_flight
 from spacerobot_ros.errors import SpaceRobotError
 from spacerobot_ros.nodes import event_recorder
 from spacerobot_ros.nodes.monitor import MonitorNode
@@ -21,6 +20,7 @@ from spacerobot_ros.recording.bags.bag_writer import BagWriter
 from spacerobot_ros.ros.convert import compose
 from spacerobot_ros.ros.diagnostics import OK, STALE
 from spacerobot_ros.ros.qos import LATCHED, SAMPLES, STATE
+from validation.hidden.monitor_flights import Flight, in_flight
 
 pytestmark = pytest.mark.ros
 

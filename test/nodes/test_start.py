@@ -26,7 +26,7 @@ OF_SCIPY = tuple(
     )
 )
 """They load when they are called first, which most are not in most runs."""
-OUTSIDE = ('campaign', 'cli', 'demo', 'excitation', 'fleet', 'report', 'recording.tables.table')
+OUTSIDE = ('batch', 'cli', 'demo', 'excitation', 'report', 'recording.tables.table')
 OTHERS = {
     'simulator': ('control.loop', 'diagnosis', 'estimation', 'identification.online'),
     'identifier': ('control.loop', 'diagnosis', 'simulation'),
@@ -67,8 +67,8 @@ def test_a_controller_in_real_time_loads_nothing_in_its_loop():
 
 _BEGINS = """
 import sys
-from spacerobot_ros.nodes.fault_trials import own_process
-print(*(m for m in ('numpy', 'rclpy', 'spacerobot_ros.campaign') if m in sys.modules))
+from validation.faults import own_process
+print(*(m for m in ('numpy', 'rclpy', 'spacerobot_ros.batch') if m in sys.modules))
 """
 
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden.diagnosis_scenario import packaged
 from spacerobot_ros.recording.faults.wrapped_angles import with_turns_counted
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
+from validation.hidden.diagnosis_scenario import packaged
 
 TIME = np.arange(0.0, 20.0, 0.01)
 

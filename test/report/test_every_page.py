@@ -14,13 +14,12 @@ from support.browser import Browser, needs_chromium
 from support.contracts import keeps
 from support.diagnosis import hand_made
 
-from spacerobot_ros.campaign import workers
+from spacerobot_ros.batch import single, workers
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.demo.page import demo_report
 from spacerobot_ros.demo.results import DemoResults, DemoRun
 from spacerobot_ros.diagnosis.findings import Findings
 from spacerobot_ros.effects.robot_file import load_robot_file
-from spacerobot_ros.fleet import single
 from spacerobot_ros.identification.estimate import Estimate
 from spacerobot_ros.recording.npz import save_npz
 from spacerobot_ros.recording.read import read_records

@@ -10,6 +10,9 @@ import numpy as np
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.catalogue import bind_effects, changed_robot
 from spacerobot_ros.simulation.plant import Plant
+from validation.mujoco.model import parse
+from validation.mujoco.plan import EFFECTS, Plan
+from validation.mujoco.run import Simulation
 
 from .models import (
     ATTITUDE_XYZW,
@@ -21,9 +24,6 @@ from .models import (
     robot_of,
     to_urdf,
 )
-from .mujoco_model import parse
-from .mujoco_plan import EFFECTS, Plan
-from .mujoco_run import Simulation
 
 PERIOD = 0.01
 STEPS_A_PERIOD = 10

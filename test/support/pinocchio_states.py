@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 import pinocchio as pin
 
-from spacerobot_ros.campaign.pinocchio_peer import peer
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.model.robot import Robot
+from validation.pinocchio_peer import peer
 
 
 def pin_columns(robot: Robot) -> np.ndarray:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spacerobot_ros.campaign.hidden.diagnosis_scenario import packaged, simulated
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.recording.faults.bursts import LONGEST, bursts
+from validation.hidden.diagnosis_scenario import packaged, simulated
 
 STD = 2e-5
 TIME = np.arange(0.0, 20.0, 0.01)

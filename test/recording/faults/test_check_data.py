@@ -10,14 +10,13 @@ from scipy.spatial.transform import Rotation
 
 pytest.importorskip('mujoco')
 
-from support.mujoco_truth import EXCITATIONS, ROBOTS, generate
-
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.recording.faults.data_faults import data_faults
 from spacerobot_ros.recording.faults.signals import torn_positions
 from spacerobot_ros.recording.record import AttitudeSeries, RateSeries, Record, to_stamps
+from validation.mujoco.truth import EXCITATIONS, ROBOTS, generate
 
 FREE = ['servicer', 'sixdof']
 DEGREES = 180.0 / np.pi

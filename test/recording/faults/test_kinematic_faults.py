@@ -9,8 +9,6 @@ import pytest
 
 mujoco = pytest.importorskip('mujoco')
 
-from support.mujoco_truth import generate  # noqa: E402
-
 from spacerobot_ros.recording.faults.motion_faults import find_faults  # noqa: E402
 from spacerobot_ros.recording.record import (  # noqa: E402
     AttitudeSeries,
@@ -18,6 +16,7 @@ from spacerobot_ros.recording.record import (  # noqa: E402
     RateSeries,
     Record,
 )
+from validation.mujoco.truth import generate  # noqa: E402
 
 DEGREES = 180.0 / np.pi
 

@@ -10,11 +10,10 @@ from scipy.signal import savgol_filter
 
 mujoco = pytest.importorskip('mujoco')
 
-from support.mujoco_truth import ROBOTS, believing, generate  # noqa: E402
-
 from spacerobot_ros.effects.robot_file import load_robot_file  # noqa: E402
 from spacerobot_ros.recording.faults.torque_faults import find_torque_faults, smoothed  # noqa: E402
 from spacerobot_ros.recording.record import JointSeries, Record  # noqa: E402
+from validation.mujoco.truth import ROBOTS, believing, generate  # noqa: E402
 
 DEGREES = 180.0 / np.pi
 

@@ -1,1 +1,0 @@
-"""Published experiments repeated, each beside the figures that its paper prints."""

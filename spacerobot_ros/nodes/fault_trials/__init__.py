@@ -1,1 +1,0 @@
-"""Nodes under faults: odd messages, kills, floods, streams that go wrong."""

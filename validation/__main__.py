@@ -1,0 +1,156 @@
+"""Experiments, campaigns and benchmarks: `python -m validation NAME`.
+
+Every figure stands beside the one that is published or wanted. A campaign writes
+OUT/report.html and OUT/results.json; most write their tables as Markdown, too, and go on where
+they stopped.
+
+{campaigns}
+
+programs with options of their own, shown by `python -m validation NAME --help`:
+{programs}
+
+Examples:
+  python -m validation wheel-momentum --quick
+  python -m validation coverage --runs 200 --out out/coverage
+  python -m validation diagnosis --only left_out --jobs 2 --out out/left-out
+  python -m validation wheel-momentum --json | jq '.checks[] | select(.is_met | not)'
+  python -m validation replay --quick
+
+exit status: 0 every figure is reached, 1 some are not (they are listed), 2 unusable input
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NoReturn
+
+from spacerobot_ros.batch.workers import Workers
+from spacerobot_ros.cli.terminal import print_json, print_sections, progress
+from spacerobot_ros.display import Section
+from spacerobot_ros.errors import ConfigurationError, SpaceRobotError
+from spacerobot_ros.interrupts import interruptible
+from spacerobot_ros.json_values import json_text
+from spacerobot_ros.model.files import write_text
+
+from .campaigns import CAMPAIGNS, Campaign, finish
+from .page import failed, missed, write_page
+
+PROGRAMS = {
+    'replay': 'what a change of the code changed of the answers to 130 recordings',
+    'mujoco': "the diagnosis campaign on MuJoCo's records",
+    'momentum-flights': "wheel momentum of drawn robots against MuJoCo's truth",
+    'bench.simulation': 'simulators side by side at equal accuracy',
+    'bench.regressor': "regressors beside Pinocchio's",
+    'bench.scaling': 'time and memory of a diagnosis by joints and samples',
+    'bench.node_start': 'time from the start of a node to its first message',
+    'bench.latency': 'time from a sample to the command that answers it',
+    'bench.lockstep': 'speed of all nodes in lockstep',
+    'bench.long_run': 'memory of all nodes in a long run',
+    'bench.executor_kills': 'nodes of which peers are killed',
+    'bench.killed_workers': 'records of a cluster whose workers are killed',
+}
+"""Modules that parse options of their own, and what they measure."""
+_MODULES = {'mujoco': 'mujoco.campaign', 'momentum-flights': 'mujoco.momentum_flights'}
+_HERE = Path(__file__).resolve().parent
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the campaign or the program that the arguments name; returns the exit status."""
+    words = sys.argv[1:] if argv is None else list(argv)
+    if words and words[0] in PROGRAMS:
+        _program(*words)
+    args = _parser().parse_args(words)
+    try:
+        with interruptible():
+            return run(CAMPAIGNS[args.name], args)
+    except SpaceRobotError as error:
+        print(f'validation: {error}', file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print('validation: interrupted', file=sys.stderr)
+        return 130
+
+
+def _program(name: str, *words: str) -> NoReturn:
+    """Become a program: a benchmark is a script, whose peers know nothing of this package."""
+    script = str(_HERE.joinpath(*name.split('.')).with_suffix('.py'))
+    module = f'{__package__}.{_MODULES.get(name, name)}'
+    begin = [script] if name.startswith('bench.') else ['-m', module]
+    path = os.pathsep.join([str(_HERE.parent), os.environ.get('PYTHONPATH', '')])
+    sys.stdout.flush()
+    os.execve(sys.executable, [sys.executable, *begin, *words], {**os.environ, 'PYTHONPATH': path})
+
+
+def _parser() -> argparse.ArgumentParser:
+    described = (f'{c.name}: {c.help}'.replace('\n', '\n  ') for c in CAMPAIGNS.values())
+    programs = '\n'.join(f'  {name:<22}{what}' for name, what in PROGRAMS.items())
+    parser = argparse.ArgumentParser(
+        prog='python -m validation',
+        description=__doc__.format(campaigns='\n\n'.join(described), programs=programs),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add('name', metavar='NAME', choices=(*CAMPAIGNS, *PROGRAMS), help='one of those above')
+    add('--runs', type=_count, metavar='N', help='2 or more; what it counts depends on NAME')
+    add('--quick', action='store_true', help='a fifth of the work or less')
+    add('--only', default='', metavar='TEXT', help='trials whose key holds this')
+    add('--minutes', type=float, default=math.inf, help='begin nothing new after that time')
+    add('--jobs', type=int, default=len(os.sched_getaffinity(0)), help='processes')
+    add('--scheduler', default='', help='address of a Dask cluster that exists')
+    add('--out', default='', metavar='DIR', help='default: out/NAME')
+    add('--json', action='store_true', help='print JSON, and nothing else')
+    return parser
+
+
+def _count(text: str) -> int:
+    value = int(text)
+    if value < 2:
+        raise argparse.ArgumentTypeError(f'{text} must be 2 or above')
+    return value
+
+
+def run(campaign: Campaign, args: argparse.Namespace) -> int:
+    """Run a campaign, write its page and print it; 0 where every figure is reached."""
+    started = time.monotonic()
+    folder = Path(args.out or f'out/{campaign.name}')
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError('--out', f'{folder}: {error.strerror}') from error
+    experiment = campaign.load()
+    runs = args.runs or (campaign.quick_runs if args.quick else campaign.runs)
+    keys = [key for key in experiment.trials(runs, args.quick) if args.only in key]
+    if args.only and not keys:
+        raise ConfigurationError('--only', f'no trial of {campaign.name} has {args.only!r} in it')
+    workers = Workers(number=args.jobs if args.jobs > 1 else 0, scheduler=args.scheduler)
+    minutes = args.minutes if campaign.is_kept else math.inf  # others are judged as a whole
+    with progress() as stage:
+        found = finish(campaign, keys, folder, workers, stage('running', len(keys)), minutes)
+    results = experiment.results(found.records)
+    checks, tables = experiment.judge(results), experiment.tables(results)
+    data = {
+        **{'schema': 1, 'experiment': campaign.name, **results, 'checks': checks},
+        **{'failures': found.failures, 'wall_s': round(time.monotonic() - started, 1)},
+    }
+    write_text(folder / 'results.json', json_text(data))
+    sections = [Section(table.title, [replace(table, title='')]) for table in tables]
+    drawings = campaign.drawings(found.records, results)
+    page = write_page(campaign, checks, drawings, sections, folder)
+    if args.json:
+        print_json(data)
+    else:
+        print_sections(
+            [*sections, Section('', [*missed(checks), *failed(found), f'report: {page}'])]
+        )
+    return 0 if all(check.is_met for check in checks) and not found.failures else 1
+
+
+if __name__ == '__main__':
+    sys.exit(main())

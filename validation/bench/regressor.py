@@ -1,0 +1,84 @@
+"""Batches of momentum regressors: CPU time a sample-row, ours and Pinocchio's a call a sample.
+
+    python -m validation bench.regressor [--output FILE]
+
+The robot has three joints and ten parameters a body; a sample has three rows. Ours is the
+regressor of the minimal parameters; Pinocchio's is the joint torque regressor with velocities for
+accelerations, whose first rows are the momentum.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import harness
+import numpy as np
+import pinocchio as pin
+import servicer
+from simulation import machine
+
+from spacerobot_ros.dynamics.blocks import BlockTree
+from spacerobot_ros.model.loader import build_robot
+from spacerobot_ros.model.settings import parse_settings
+from validation.pinocchio_peer import peer
+
+SAMPLES, ROWS, REPEATS = 2000, 3, 7
+
+
+def main() -> int:
+    """Measure, print and write."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    output = Path(__file__).resolve().parents[2] / 'out/bench/regressor.json'
+    parser.add_argument('--output', type=Path, default=output)
+    options = parser.parse_args()
+    joints = [f'j_{name}' for name in servicer.JOINTS]
+    wheels = {
+        'servicer_wheels': {'joints': joints[3:6], 'rates': [0.0] * 3},
+        'target_wheels': {'joints': joints[6:], 'rates': [0.0] * 3},
+    }
+    section = {'base_link': 'base', 'joints': joints[:3], **wheels}
+    robot = build_robot(parse_settings({'robot': section}), servicer.urdf())
+    rng = np.random.default_rng(0)
+    q, u = rng.standard_normal((SAMPLES, 3)), rng.standard_normal((SAMPLES, 6))
+    tree, model = BlockTree(robot), peer(robot).model
+    data, zero = model.createData(), np.zeros(model.nv)
+    poses = np.column_stack([np.zeros((SAMPLES, 6)), np.ones(SAMPLES), q])
+    rates = np.column_stack([np.zeros((SAMPLES, 3)), u])
+
+    def ours() -> None:
+        tree.regressor(q, u)
+
+    def pinocchio() -> None:
+        for pose, rate in zip(poses, rates, strict=True):
+            pin.computeJointTorqueRegressor(model, data, pose, zero, rate)
+
+    times = {
+        'spacerobot_ros': microseconds_a_row(ours),
+        'Pinocchio': microseconds_a_row(pinocchio),
+    }
+    results = {'machine': machine(), 'microseconds_a_row': times}
+    options.output.parent.mkdir(parents=True, exist_ok=True)
+    options.output.write_text(json.dumps(results, indent=1) + '\n')
+    print('momentum regressor, us a sample-row on one core:')
+    for engine, value in times.items():
+        print(f'{engine:24s}{value:8.2f}')
+    return 0
+
+
+def microseconds_a_row(batch: Callable[[], None]) -> float:
+    """Shortest CPU time of a batch, a row [us]."""
+    batch()
+    best = np.inf
+    for _ in range(REPEATS):
+        start = harness.clock()
+        batch()
+        best = min(best, harness.clock() - start)
+    return float(1e6 * best / (SAMPLES * ROWS))
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,207 @@
+"""Cost of a diagnosis as work grows: length of the record, joints, effects, recordings.
+
+    python -m validation bench.scaling [--out docs/images/scaling.svg] [--json]
+
+An arm of n joints, its motion prescribed, its torques by Pinocchio's RNEA with noise and one cause
+that its file lacks. Every figure is of a process of its own: processor time without imports and
+compiling, and the most memory that it had.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+RATE = 100.0  # Hz
+HIDDEN = 3.0  # N m s/rad at joint_2
+STD = {'joint_position_std': 2e-5, 'joint_effort_std': 0.05}
+FEW = ('joint_viscous_friction', 'joint_coulomb_friction', 'torque_sensor_bias')
+
+
+def robot_file(n: int, states_noise: bool, folder: Path) -> Path:
+    """A chain of n joints on the ground, axes z and y in turn."""
+    links = ['<robot name="arm"><link name="base_link"/>']
+    parent = 'base_link'
+    for k in range(1, n + 1):
+        mass, axis = 8.0 / k, '0 0 1' if k % 2 else '0 1 0'
+        links.append(
+            f'<link name="link_{k}"><inertial><origin xyz="0.02 0 0.1"/><mass value="{mass}"/>'
+            f'<inertia ixx="{0.01 * mass}" iyy="{0.01 * mass}" izz="{0.005 * mass}" ixy="0" '
+            'ixz="0" iyz="0"/></inertial></link>'
+            f'<joint name="joint_{k}" type="revolute"><parent link="{parent}"/>'
+            f'<child link="link_{k}"/><origin xyz="0 0 0.25"/><axis xyz="{axis}"/>'
+            '<limit lower="-6" upper="6" effort="1e4" velocity="9"/></joint>'
+        )
+        parent = f'link_{k}'
+    (folder / 'arm.urdf').write_text('\n'.join([*links, '</robot>']), encoding='utf-8')
+    noise = f'sensors: {json.dumps(STD)}' if states_noise else ''
+    names = ', '.join(f'joint_{k}' for k in range(1, n + 1))
+    path = folder / 'arm.yaml'
+    path.write_text(
+        f'/**:\n  ros__parameters:\n    robot:\n      urdf: arm.urdf\n      base: fixed\n'
+        f'      gravity: [0.0, 0.0, -9.81]\n      joints: [{names}]\n    {noise}\n',
+        encoding='utf-8',
+    )
+    return path
+
+
+def record_of(robot, duration, seed=0):
+    """A motion that never repeats, and what it takes."""
+    import numpy as np
+    import pinocchio as pin
+
+    from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
+
+    rng, n = np.random.default_rng(seed), robot.n_joints
+    model = pin.buildModelFromXML(robot.urdf)
+    model.gravity.linear = robot.gravity
+    data, time_s = model.createData(), np.arange(0.0, duration, 1.0 / RATE)
+    w = rng.uniform(0.3, 2.5, (4, n))
+    phase, size = rng.uniform(0.0, 6.3, (4, n)), 0.5 / (1.0 + w)
+    angle = w * time_s[:, None, None] + phase
+    q = np.sum(size * np.sin(angle), axis=1)
+    qd = np.sum(size * w * np.cos(angle), axis=1)
+    qdd = -np.sum(size * w**2 * np.sin(angle), axis=1)
+    tau = np.array([pin.rnea(model, data, *row) for row in zip(q, qd, qdd, strict=True)])
+    tau[:, 1] += HIDDEN * qd[:, 1]
+    return Record(
+        JointSeries(
+            robot.joints,
+            to_stamps(time_s),
+            q + STD['joint_position_std'] * rng.normal(size=q.shape),
+            None,
+            tau + STD['joint_effort_std'] * rng.normal(size=q.shape),
+        )
+    )
+
+
+def measure(n: int, duration: float, states_noise: bool, few: bool, folder: Path) -> dict:
+    """Cost of one diagnosis in this process."""
+    from spacerobot_ros.diagnosis.diagnose import diagnose
+    from spacerobot_ros.effects.catalogue import CATALOGUE
+    from spacerobot_ros.effects.robot_file import load_robot_file
+
+    file = load_robot_file(robot_file(n, states_noise, folder))
+    kinds = [CATALOGUE[name] for name in FEW] if few else list(CATALOGUE.values())
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    diagnose(record_of(file.robot, 8.0), file.robot, file.effects, kinds)  # compiles
+    record = record_of(file.robot, duration)
+    started = time.process_time()
+    found = diagnose(record, file.robot, file.effects, kinds)
+    return {
+        'joints': n,
+        'duration': duration,
+        'samples': len(record.joint_time),
+        'states_noise': states_noise,
+        'effects': len(kinds),
+        'cpu_s': time.process_time() - started,
+        'before_mb': before / 1024.0,
+        'peak_mb': resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
+        'verdict': found.verdict,
+        'causes': [
+            f'{c.applied.id}@{c.applied.where} {e.value:.5g} +- {e.std:.2g}'
+            for c in found.causes
+            for e in c.parameters.values()
+        ],
+    }
+
+
+BASE = {'n': 7, 'duration': 20.0, 'states_noise': True, 'few': False}
+SWEEPS = {  # what grows, and the way to make rows
+    'length of the record [s]': [{'duration': d} for d in (10.0, 20.0, 40.0, 80.0)],
+    'length, noise unknown [s]': [
+        {'duration': d, 'states_noise': False} for d in (15.0, 30.0, 60.0)
+    ],
+    'number of joints': [{'n': n, 'duration': 10.0} for n in (3, 7, 15, 30)],
+    'number of effects': [{'few': few} for few in (True, False)],
+}
+
+
+def shown(sweeps: dict[str, list[dict]]) -> list:
+    """Tables, one a sweep, with the power of the growth between its ends."""
+    from math import log
+
+    from spacerobot_ros.display import table_of
+
+    out = []
+    for what, rows in sweeps.items():
+        key = 'effects' if 'effects' in what else 'joints' if 'joints' in what else 'duration'
+        first, last = rows[0], rows[-1]
+        for row in rows:
+            row['more_mb'] = row['peak_mb'] - row['before_mb']
+        grown = log(last[key] / first[key])
+        powers = [log(last[k] / first[k]) / grown for k in ('cpu_s', 'more_mb')]
+        caption = f'grows with the power {powers[0]:.2f} in time, {powers[1]:.2f} in memory'
+        cells = f'{{{key}:g}} | {{cpu_s:.1f}} | {{more_mb:.0f}} | {{peak_mb:.0f}}'
+        heads = f'{what} | processor time [s] | memory for it [MB] | in all [MB]'
+        out.append(table_of(what, caption, rows, heads, cells))
+    return out
+
+
+def draw(sweeps: dict[str, list[dict]], path: Path) -> None:
+    """Time and memory against the length of the record."""
+    from matplotlib import pyplot as plt
+
+    plt.style.use(Path(__file__).parents[2] / 'docs' / 'images' / 'figures.mplstyle')
+    figure, axes = plt.subplots(2, 1, sharex=True, figsize=(8.0, 5.0), layout='constrained')
+    shown = (('processor time', 's', 'cpu_s'), ('memory', 'MB', 'more_mb'))
+    for ax, (title, unit, key) in zip(axes, shown, strict=True):
+        for what, rows in sweeps.items():
+            if 'length' in what:
+                times = [row['duration'] for row in rows]
+                ax.plot(times, [row[key] for row in rows], label=what.split(' [')[0])
+        ax.set(title=title, ylabel=f'[{unit}]')
+        ax.legend(loc='lower right', bbox_to_anchor=(1.0, 0.98), ncols=2)
+    axes[-1].set_xlabel('length of the record [s]')
+    figure.savefig(path, metadata={'Date': None})
+
+
+def sweep() -> dict[str, list[dict]]:
+    """Every point in a process of its own, one core."""
+    env = {**os.environ, 'OPENBLAS_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1'}
+    out: dict[str, list[dict]] = {}
+    for what, changes in SWEEPS.items():
+        for change in changes:
+            command = [sys.executable, __file__, '--one', json.dumps({**BASE, **change})]
+            done = subprocess.run(command, env=env, check=True, capture_output=True, text=True)
+            out.setdefault(what, []).append(json.loads(done.stdout))
+    return out
+
+
+def main() -> None:
+    """Measure and print."""
+    import tempfile
+
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument('--one', metavar='JSON', help='one point, printed as JSON')
+    parser.add_argument('--out', metavar='SVG', help='file of the plot')
+    parser.add_argument('--kept', metavar='JSON', help='figures: shown if there, else measured')
+    args = parser.parse_args()
+    if args.one:
+        with tempfile.TemporaryDirectory() as name:
+            print(json.dumps(measure(**json.loads(args.one), folder=Path(name))))
+        return
+    from spacerobot_ros.display import Section, markdown
+
+    kept = Path(args.kept) if args.kept else None
+    if kept is not None and kept.exists():
+        found = json.loads(kept.read_text(encoding='utf-8'))
+    else:
+        found = sweep()
+        if kept is not None:
+            kept.write_text(json.dumps(found), encoding='utf-8')
+    print(markdown('Cost of a diagnosis', [Section('', shown(found))]))
+    if args.out:
+        draw(found, Path(args.out))
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,213 @@
+"""Campaign of events: pulses of a known size on machines that are drawn, and none.
+
+Every machine is recorded in quiet first. What is named there is false, and its limits give the
+standard deviation by which the pulses of a second recording are sized. A push of an arm that
+stands is sized by the limit itself: its friction takes as much of each as it can.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from itertools import chain
+from operator import itemgetter
+from typing import Any
+
+import numpy as np
+
+from spacerobot_ros.diagnosis.events.event import Event, Events, PossibleEvent
+from spacerobot_ros.diagnosis.events.event_limits import SNR
+from spacerobot_ros.display import Table, table_of
+
+from ..campaigns import Check, Results, TrialRecord, grouped, key
+from ..shares import share_of
+from .event_machines import AXES, MACHINES, DrawnMachine, HiddenPulse
+
+# figures to reach
+_NAMED = (0.95, 1.0)  # as `event_limits.SNR` promises
+_FROM = SNR
+_OFF = (0.0, 0.1)  # s, 95 % of middles: of torques, which are seen while they act
+_OFF_BY_STD = (0.0, 2.5)  # of steps, which are seen by what follows: as good as noise allows
+_ERROR = (0.0, 0.15)  # of the size, median
+_FALSE = (0.0, 1.0)  # an hour
+
+_WORDS = {
+    'moving': ('arms that move', 'snr'),
+    'still': ('joints that stand', 'limits'),
+    'base': ('free bases, wheels unknown', 'snr'),
+    'lone': ('bodies without joints', 'snr'),
+}
+
+
+def results(records: Sequence[TrialRecord]) -> Results:
+    """As `events`: names, times and sizes by machine and size of the pulse, and false events."""
+    groups, quiet = [], []
+    for kind, own in grouped(records, itemgetter('kind')).items():
+        machines, by = _WORDS[kind]
+        quiet.append({'machines': machines, **_quiet(own)})
+        pulses = grouped(chain.from_iterable(r['pulses'] for r in own), itemgetter('ratio'))
+        groups += [
+            {'kind': kind, 'what': f'{machines}, {by} {ratio:g}', 'ratio': ratio, **_score(some)}
+            for ratio, some in sorted(pulses.items())
+        ]
+    return {'events': {'groups': groups, 'quiet': quiet}}
+
+
+def _score(pulses: Sequence[TrialRecord]) -> dict[str, Any]:
+    reasons = Counter(p['reason'] for p in pulses if not p['is_named'])
+    out = {
+        'named': share_of(p['is_named'] for p in pulses),
+        'reasons': ', '.join(f'{reason} {n}' for reason, n in reasons.most_common()) or '-',
+    }
+    named = [p for p in pulses if p['is_named']]
+    values = {name: [abs(p[name]) for p in named] for name in ('off', 'error')}
+    values['allowed'] = [p['allowed'] for p in pulses if p['allowed']]
+    values['by_std'] = [abs(p['off']) / p['off_std'] for p in named if p['off_std']]
+    for name, own in values.items():
+        out |= {f'{name}_{q}': float(np.percentile(own or [np.nan], q)) for q in (50, 95)}
+    return out
+
+
+def _quiet(records: Sequence[TrialRecord]) -> dict[str, Any]:
+    hours = sum(r['seconds'] for r in records) / 3600.0
+    false = [e['z'] for r in records for e in r['false']]
+    return {
+        'records': len(records),
+        'hours': hours,
+        'false': len(false),
+        'per_hour': len(false) / hours,
+        'largest': max(false, default=float('nan')),
+        'beside': sum(len(r['beside']) for r in records),
+        'unjudged': sum(not r['pulses'] for r in records),
+    }
+
+
+def judge(results: Results) -> list[Check]:
+    """From a ratio of 20 on names, times and sizes; few false events."""
+    out = []
+    for g in results['events']['groups']:
+        if g['kind'] == 'still' or g['ratio'] >= _FROM:
+            out.append(Check(f'{g["what"]}: named', g['named'].value, *_NAMED))
+        if g['kind'] != 'still' and g['ratio'] >= _FROM and g['named'].hits:
+            if np.isnan(g['by_std_95']):
+                out.append(Check(f'{g["what"]}: middle, 95 % within', g['off_95'], *_OFF, 's'))
+            else:
+                what = f'{g["what"]}: middle by its deviation, 95 % within'
+                out.append(Check(what, g['by_std_95'], *_OFF_BY_STD))
+            out.append(Check(f'{g["what"]}: size, median error', g['error_50'], *_ERROR))
+    return out + [
+        Check(f'{q["machines"]}: false events an hour', q['per_hour'], *_FALSE)
+        for q in results['events']['quiet']
+    ]
+
+
+def tables(results: Results) -> list[Table]:
+    """Pulses, then quiet recordings."""
+    return [
+        table_of(
+            'Pulses',
+            'of 0.3 to 2 s, by the standard deviation of the same machine in quiet; of joints '
+            'that stand by the limit that is printed; shares with their 95 % intervals (Wilson); '
+            'noise alone leaves the last of the size (rms, times known), median of all pulses',
+            results['events']['groups'],
+            'machines, size | named | why not | middle off, median, 95 % [s]; '
+            '95 % by its deviation | size off, median, 95 % | by noise alone',
+            '{what} | {named} | {reasons} | {off_50:.3f}, {off_95:.3f}; {by_std_95:.1f} | '
+            '{error_50:.1%}, {error_95:.1%} | {allowed_50:.1%}',
+        ),
+        table_of(
+            'Quiet recordings',
+            'events named where nothing was hidden; beside pulses: those that are none of them',
+            results['events']['quiet'],
+            'machines | recordings | hours | named | an hour | largest z | named beside pulses | '
+            'not judged',
+            '{machines} | {records} | {hours:.2f} | {false} | {per_hour:.1f} | {largest:.1f} | '
+            '{beside} | {unjudged}',
+        ),
+    ]
+
+
+_KINDS = ('moving', 'still', 'base', 'moving', 'lone')
+_SHORTEST, _LONGEST = 0.3, 2.0  # s
+_ENDS, _APART = 2.5, 0.5  # s: of a recording without pulses, and at least between two
+
+
+def trials(runs: int, is_quick: bool) -> list[str]:
+    """Every kind of machine in turn."""
+    return [key(kind, 10 * s + n) for s in range(runs) for n, kind in enumerate(_KINDS)]
+
+
+def run(key: str) -> TrialRecord:
+    """Ask about a quiet recording, hide pulses, ask again."""
+    kind, seed = json.loads(key)
+    machine: DrawnMachine = MACHINES[kind](seed)
+    quiet = machine.found(())
+    pulses = _drawn(machine, quiet, np.random.default_rng([seed, 17]))
+    found = machine.found(pulses)
+    matched = [_match(p, found) for p in pulses]
+    return {
+        'kind': kind,
+        'machine': machine.words,
+        'seconds': machine.seconds,
+        'false': [_event_row(e) for e in quiet.named],
+        'beside': [_event_row(e) for e in found.named if not any(e is m for m in matched)],
+        'pulses': [_judged(p, m, found) for p, m in zip(pulses, matched, strict=True)],
+    }
+
+
+def _drawn(machine: DrawnMachine, quiet: Events, rng: np.random.Generator) -> list[HiddenPulse]:
+    """Pulses of all sizes one after another; none where nothing is said of quiet times."""
+    count = len(machine.ratios)
+    length = (machine.seconds - 2.0 * _ENDS) / count
+    ratios, spans = rng.permutation(machine.ratios).tolist(), []
+    for k in range(count):
+        duration = float(rng.uniform(_SHORTEST, _LONGEST))
+        start = _ENDS + length * k + float(rng.uniform(0.0, length - _APART - duration))
+        spans.append((start, duration))
+    units = machine.units(rng, quiet, spans) or ()
+    return [
+        HiddenPulse(where, start, duration, ratio * size, ratio, std)
+        for (where, size, std), (start, duration), ratio in zip(units, spans, ratios, strict=False)
+    ]
+
+
+def _match(p: HiddenPulse, found: Events) -> Event | None:
+    """The named event that is nearest in time and felt where the pulse acts."""
+    near = [e for e in found.named if _is_meant(p, e, _OFF_BY_STD[1] * (e.middle_std or 0.0))]
+    return min(near, key=lambda e: abs(_off(p, e)), default=None)
+
+
+def _is_meant(p: HiddenPulse, e: Event | PossibleEvent, unsure: float = 0.0) -> bool:
+    """Whether they overlap, as far as times are known, and are felt at one place."""
+    overlaps = e.start - unsure < p.start + p.duration and p.start < e.end + unsure
+    return overlaps and (p.where is None or p.where in e.joints)
+
+
+def _off(p: HiddenPulse, e: Event) -> float:
+    return 0.5 * (e.start + e.end) - p.start - 0.5 * p.duration
+
+
+def _event_row(e: Event) -> TrialRecord:
+    return {'start': e.start, 'end': e.end, 'joints': list(e.joints), 'z': e.z}
+
+
+def _judged(p: HiddenPulse, e: Event | None, found: Events) -> TrialRecord:
+    """A pulse and what was said of it; without a name the reason with which it was listed."""
+    listed = (o.reason for o in found.possible if _is_meant(p, o))
+    size, names = np.atleast_1d(p.size), AXES if p.where is None else (p.where,)
+    error = e and float(np.linalg.norm([e.peak[n] for n in names] - size) / np.linalg.norm(size))
+    return {
+        'where': p.where,
+        'start': p.start,
+        'duration': p.duration,
+        'size': size.tolist(),
+        'ratio': p.ratio,
+        'allowed': None if np.isnan(p.std) else p.std / float(np.linalg.norm(size)),
+        'is_named': e is not None,
+        'z': e and e.z,
+        'off': e and _off(p, e),
+        'off_std': e and e.middle_std,
+        'error': error,
+        'reason': None if e else next(listed, 'unseen'),
+    }

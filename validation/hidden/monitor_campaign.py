@@ -1,0 +1,196 @@
+"""Monitor campaign: false alarms in nominal flight, and delays of detection."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Iterator, Sequence
+from operator import itemgetter
+
+import numpy as np
+
+from spacerobot_ros.display import Table, table_of
+
+from ..campaigns import Check, Results, TrialRecord, grouped, key
+from .monitor_flights import FAULTS, Flight, in_flight, monitor_of, watch
+
+ROBOTS = ('servicer', 'minisat')
+ONSET, END, DURATION = 30.0, 45.0, 75.0
+"""Of a flight with a fault [s]."""
+_LENGTH, _QUICK_LENGTH = 900.0, 150.0  # s, of a flight without one
+_SIZES, _QUICK_SIZES = 4, 1  # largest sizes of a fault that are flown
+_LEARNT = 15.0  # s, after which processor time is counted
+_TIMED = 60.0  # s of flight whose processor time is counted
+_WITHIN = 5.0  # s, until the largest size is raised: an alarm is 1.3 s late, and a drag grows
+
+
+def trials(runs: int, is_quick: bool) -> list[str]:
+    """Quarter hours without a fault of each robot, and a flight with each fault of each size."""
+    return list(
+        _flights(runs, ROBOTS[:1], _QUICK_LENGTH, _QUICK_SIZES)
+        if is_quick
+        else _flights(runs, ROBOTS, _LENGTH, _SIZES)
+    )
+
+
+def _flights(runs: int, robots: Sequence[str], length: float, sizes: int) -> Iterator[str]:
+    for robot in robots:
+        for seed in range(1, runs + 1):
+            yield key('nominal', robot, seed, length)
+    for name, fault in FAULTS.items():
+        for robot in robots:
+            for size in fault.sizes[-sizes:] if robot in fault.robots else ():
+                yield key('faulty', robot, 1, name, size)
+
+
+def run(key: str) -> TrialRecord:
+    """One flight."""
+    kind, *arguments = json.loads(key)
+    return (nominal if kind == 'nominal' else faulty)(*arguments)
+
+
+def nominal(robot: str, seed: int, length: float) -> TrialRecord:
+    """One flight without a fault: alarms, largest evidence, share of a core."""
+    flight = Flight(robot=robot, seed=seed)
+    monitor, largest = monitor_of(flight), 0.0
+    for state in watch(monitor, flight.samples(length)):
+        largest = max([largest, *(c.evidence for c in state.channels)])
+    return {
+        'robot': robot,
+        'length': length,
+        'alarms': monitor.state.alarms,
+        'first': monitor.state.first,
+        'largest_evidence': largest,
+        'share_of_a_core': _processor_time(flight) / _TIMED,
+    }
+
+
+def _processor_time(flight: Flight) -> float:
+    """What the monitor takes for `_TIMED` of flight, once it has learnt [s]."""
+    samples = list(flight.samples(_LEARNT + _TIMED))
+    monitor = monitor_of(flight)
+    learnt = next(k for k, s in enumerate(samples) if s.stamp_ns >= _LEARNT * 1e9)
+    for _ in watch(monitor, samples[:learnt]):
+        pass
+    start = time.process_time()
+    for _ in watch(monitor, samples[learnt:]):
+        pass
+    return time.process_time() - start
+
+
+def faulty(robot: str, seed: int, name: str, size: float) -> TrialRecord:
+    """One flight with a fault: when it was raised, what spoke first, when it was cleared [s]."""
+    flight = in_flight(name, size, Flight(robot=robot, seed=seed, onset=ONSET, end=END))
+    raised, early, cleared, first = None, 0, None, ''
+    for state in watch(monitor_of(flight), flight.samples(DURATION)):
+        now, is_raised = (state.judged_ns or 0) * 1e-9, state.raised_ns is not None
+        early += is_raised and now < ONSET
+        if is_raised and now >= ONSET and raised is None:
+            raised, first = now - ONSET, state.first
+        if raised is not None and cleared is None and not is_raised and now > END:
+            cleared = now - END
+    return {
+        'robot': robot,
+        'fault': name,
+        'size': size,
+        'early': early,
+        'raised': raised,
+        'first': first,
+        'cleared': cleared,
+    }
+
+
+def results(records: Sequence[TrialRecord]) -> Results:
+    """As `monitor`, by robot what its flights without a fault came to, and of each fault."""
+    quiet = grouped((x for x in records if 'fault' not in x), itemgetter('robot'))
+    loud = grouped((x for x in records if 'fault' in x), itemgetter('robot', 'fault', 'size'))
+    nominal = {robot: _nominal_score(own) for robot, own in quiet.items()}
+    names = ('robot', 'fault', 'size', 'unit')
+    faults = [
+        {**dict(zip(names, (*of, FAULTS[of[1]].unit), strict=True)), **_fault_score(own)}
+        for of, own in loud.items()
+    ]
+    return {'monitor': {'nominal': nominal, 'faults': faults}}
+
+
+def _nominal_score(flights: Sequence[TrialRecord]) -> TrialRecord:
+    return {
+        'flights': len(flights),
+        'hours': sum(x['length'] for x in flights) / 3600.0,
+        'alarms': sum(x['alarms'] for x in flights),
+        'first': _first(flights),
+        'largest_evidence': max(x['largest_evidence'] for x in flights),
+        'share_of_a_core': float(np.median([x['share_of_a_core'] for x in flights])),
+    }
+
+
+def _fault_score(flights: Sequence[TrialRecord]) -> TrialRecord:
+    """Delays are medians, infinite where most flights have none."""
+    return {
+        'flights': len(flights),
+        'raised': sum(x['raised'] is not None for x in flights),
+        'early': sum(x['early'] for x in flights),
+        'delay': _median(flights, 'raised'),
+        'cleared': _median(flights, 'cleared'),
+        'first': _first(flights),
+    }
+
+
+def _first(flights: Sequence[TrialRecord]) -> list[str]:
+    return sorted({x['first'] for x in flights if x['first']})
+
+
+def _median(flights: Sequence[TrialRecord], name: str) -> float:
+    return float(np.median([math.inf if x[name] is None else x[name] for x in flights]))
+
+
+def judge(results: Results) -> list[Check]:
+    """No alarm without a fault, and none late of the largest."""
+    nominal, faults = results['monitor']['nominal'], results['monitor']['faults']
+    out = [
+        Check(f'alarms in {own["hours"]:.3g} h of nominal flight, {robot}', own['alarms'], 0, 0)
+        for robot, own in nominal.items()
+    ]
+    out.append(Check('alarms before a fault', sum(own['early'] for own in faults), 0, 0))
+    out += [
+        Check(
+            'delay of the alarm, {fault} of {size:g} {unit}, {robot}'.format(**own),
+            own['delay'],
+            0.0,
+            _WITHIN,
+            's',
+        )
+        for own in faults
+        if own['size'] == FAULTS[own['fault']].sizes[-1]
+    ]
+    return out
+
+
+def tables(results: Results) -> list[Table]:
+    """Nominal flight, and faults."""
+    nominal, faults = results['monitor']['nominal'], results['monitor']['faults']
+    return [
+        table_of(
+            'Nominal flight',
+            'evidence over threshold: an alarm is raised at 1',
+            [
+                {'robot': robot, **own, 'percent': 100.0 * own['share_of_a_core']}
+                for robot, own in nominal.items()
+            ],
+            'robot | flights | hours | alarms | largest evidence | share of a core [%]',
+            '{robot} | {flights} | {hours:.3g} | {alarms} | {largest_evidence:.2f} | '
+            '{percent:.0f}',
+        ),
+        table_of(
+            'Faults',
+            'medians, from onset and end of the fault, by the time of the data',
+            [
+                {**own, 'name': own['fault'].replace('_', ' '), 'spoke': ', '.join(own['first'])}
+                for own in faults
+            ],
+            'robot | fault | size | raised | delay [s] | ended after [s] | spoke first',
+            '{robot} | {name} | {size:g} {unit} | {raised} of {flights} | {delay:.0f} | '
+            '{cleared:.0f} | {spoke}',
+        ),
+    ]

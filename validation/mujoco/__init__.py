@@ -1,0 +1,1 @@
+"""Truth of an engine that shares no code with the package: MuJoCo."""
