@@ -12,8 +12,7 @@ import numpy as np
 
 from ..dynamics.equations import Dynamics
 from ..dynamics.integrate import DOP853, Holding, Tableau
-from ..dynamics.ledger import MomentumLedger
-from ..dynamics.state import State
+from ..dynamics.state import MomentumLedger, State
 from ..effects.effect import Effect
 from ..errors import ConfigurationError, MessageRejectedError, SimulationDivergedError
 from ..formats import counted
