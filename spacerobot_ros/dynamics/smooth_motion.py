@@ -59,7 +59,12 @@ def simulate_smooth(
 
 
 class _Motion(SCIPY):  # type: ignore[misc]  # SciPy has no types
-    """SciPy's solver, its step over compiled stages: twice as fast (docs/decisions.md, 5)."""
+    """SciPy's solver, its step over compiled stages: twice as fast (docs/decisions.md, 19)."""
+
+    t: float
+    y: Array
+    f: Array
+    h_abs: float
 
     def __init__(
         self, dynamics: Dynamics, torque: TorqueOf, times: Array, x: Array, **tolerance: float
