@@ -138,7 +138,7 @@ def _separated(first: Place, second: Place, found: Separated) -> Section:
     ]
     heads = 'effect | from | seen | told apart | smallest told, of plausible size | motion'
     cells = '{of} | {other} | {seen.visible:.4g} | {seen.apart:.4g} | {seen.smallest:number 3}'
-    items: list[Item] = [head, table_of('', '', rows, heads, cells + ' | {motion}')]
+    items: list[Item] = [head, table_of(rows, heads, cells + ' | {motion}')]
     if min(best.first.sine, best.second.sine) < _NESTED:
         items.append(
             'note: one of them is all but a special case of the other; no motion tells it '

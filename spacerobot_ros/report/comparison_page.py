@@ -12,9 +12,11 @@ from functools import partial
 from .. import __version__
 from ..diagnosis.answer.words import at
 from ..diagnosis.comparison.change_conclusion import Change, Comparison
-from ..display import Item, Plot, Report, Section, Table
-from ..formats import number, value_with
+from ..display import Item, Plot, Report, Section, Table, table_of
+from ..formats import number
 from . import diagnosis_plots as curves
+from .diagnosis_tables import value_cells
+from .words import COMPARISON, REPEATS
 
 
 def summary(comparison: Comparison) -> Iterator[Section]:
@@ -45,13 +47,11 @@ def rival_lines(changes: tuple[Change, ...]) -> list[str]:
 
 def change_table(changes: tuple[Change, ...]) -> Table:
     """One row a parameter of each change."""
-    rows: list[tuple[str, ...]] = []
+    rows = []
     for change in changes:
         place = change.title, change.where or '', number(change.log_evidence, 3)
         for name, found in change.parameters.items():
-            spread = number(found.std, 2)
-            value = value_with(found.value, found.std)
-            rows.append((*place, name, value, spread, found.unit or '1'))
+            rows.append((*place, name, *value_cells(found)))
             place = '', '', ''
     head = ('cause', 'where', 'log evidence', 'parameter', 'added', '+- std', 'unit')
     return Table(head, rows)
@@ -60,25 +60,11 @@ def change_table(changes: tuple[Change, ...]) -> Table:
 def detectable_table(comparison: Comparison, caption: str = '') -> Table:
     """The change of each parameter that would have been named."""
     rows = [
-        (d.effect, d.where or '', d.parameter,
-         number(d.value, 2) if math.isfinite(d.value) else 'not seen', d.unit or '1')
+        {'d': d, 'value': number(d.value, 2) if math.isfinite(d.value) else 'not seen'}
         for d in comparison.detectable
-    ]  # fmt: skip
-    return Table(('effect', 'where', 'parameter', 'from', 'unit'), rows, caption)
-
-
-_METHOD = (
-    'Torques of both groups are balanced along the motion; every effect of the catalogue has '
-    'coefficients that both share, with the size of a machine that nobody knows, and what was '
-    'added before the second group, within the tolerance of a machine that nobody touched. A '
-    'change is named where its evidence exceeds the price of looking at all of them, where parts '
-    'of the second group are better predicted with it from each other, none of them alone '
-    'deciding, and where it explains more than what no named change does. '
-)
-_REPEATS = (
-    'The recordings repeat one motion: the mean of the runs before is taken off each, sample by '
-    'sample, and what is left is judged by the scatter between those runs. '
-)
+    ]
+    cells = '{d.effect} | {d.where:or } | {d.parameter} | {value} | {d.unit:or 1}'
+    return table_of(rows, 'effect | where | parameter | from | unit', cells, caption)
 
 
 def comparison_page(comparison: Comparison, command: str) -> Report:
@@ -126,4 +112,4 @@ def _left(comparison: Comparison) -> Iterator[tuple[str, str, str]]:
 
 def _how(comparison: Comparison, command: str) -> Iterator[Item]:
     yield f'{command}   (spacerobot {__version__})'
-    yield f'{_REPEATS if comparison.is_repeated else _METHOD}See docs/diagnosis.md.'
+    yield f'{REPEATS if comparison.is_repeated else COMPARISON} See docs/diagnosis.md.'

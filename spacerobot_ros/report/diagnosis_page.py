@@ -19,22 +19,11 @@ from . import diagnosis_plots as curves
 from . import diagnosis_tables as tables
 from .event_tables import event_table, limit_table, possible_lines
 from .leftover_tables import leftover_items
-from .method_words import WORDS
+from .words import KINDS, WORDS
 
 _SHORT = 20  # characters of a cell that stays on one line
 _SIGNALS, _SPECTRA = 3, 3
 _FEWEST = 128  # samples, of the same
-
-_KINDS = {
-    'joint_torque': 'Torque on each joint that the model does not explain, half second by half '
-    'second.',
-    'angular_momentum': 'Torque on the whole robot that the model does not explain: the rate at '
-    'which its angular momentum seems to change.',
-    'joint_position': 'Joint positions against their prediction one step ahead.',
-    'joint_rate': 'Joint rates against their prediction one step ahead.',
-    'gyro': 'Body rates against their prediction one step ahead.',
-    'attitude': 'Attitude against its prediction from the last one.',
-}
 
 
 def diagnosis_page(answer: Findings) -> Report:
@@ -198,7 +187,7 @@ def _errors(answer: Findings) -> Iterator[Item]:
         )
     for kind, group in groupby(diagnosis.series, key=lambda s: s.channel.split('/')[0]):
         panels = partial(curves.error_panels, list(group), curves.spans(diagnosis))
-        yield Plot(panels, words.errors or _KINDS.get(kind, kind), words.time, height=180)
+        yield Plot(panels, words.errors or KINDS.get(kind, kind), words.time, height=180)
     sampled = [s for s in diagnosis.series if len(s.measured) >= _FEWEST]
     if sampled and diagnosis.method == 'prediction':
         caption = 'Spectra of the errors that stand out most; dashed: the noise floor.'

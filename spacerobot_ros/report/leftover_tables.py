@@ -10,20 +10,9 @@ import yaml
 from ..diagnosis.answer.extended_model import effects_section
 from ..diagnosis.answer.result import Diagnosis, Leftover, Order
 from ..display import Item, Table
-from ..formats import UNTESTED, number, percent, probability, value_with
+from ..formats import UNTESTED, estimate, percent, probability
 
 _ONCE = 0.01  # of a turn: what a scale of the wheel's rate may be off by
-_HEAD = (
-    'channel',
-    'depends on',
-    'form',
-    'coefficients',
-    'resembles',
-    'p',
-    'held out',
-    'placebo',
-    'other recording',
-)
 
 
 def leftover_lines(diagnosis: Diagnosis) -> list[str]:
@@ -52,22 +41,15 @@ def leftover_items(diagnosis: Diagnosis) -> Iterator[Item]:
 
 
 def _table(diagnosis: Diagnosis, caption: str) -> Table:
-    rows = [
-        (
-            entry.channel,
-            ', '.join(entry.depends_on),
-            entry.form or '',
-            _coefficients(entry),
-            entry.resembles,
-            '' if entry.p_value is None else probability(entry.p_value),
-            *(
-                '' if share is None else percent(share, nothing=UNTESTED)
-                for share in (entry.held_out_gain, entry.placebo_gain, entry.other_recording)
-            ),
-        )
-        for entry in diagnosis.leftover or ()
-    ]
-    return Table(_HEAD, rows, caption)
+    rows = []
+    for one in diagnosis.leftover or ():
+        shares = one.held_out_gain, one.placebo_gain, one.other_recording
+        tested = ['' if share is None else percent(share, nothing=UNTESTED) for share in shares]
+        p = '' if one.p_value is None else probability(one.p_value)
+        law = ', '.join(one.depends_on), one.form or '', _coefficients(one)
+        rows.append((one.channel, *law, one.resembles, p, *tested))
+    head = 'channel', 'depends on', 'form', 'coefficients', 'resembles', 'p'
+    return Table((*head, 'held out', 'placebo', 'other recording'), rows, caption)
 
 
 def _order_line(order: Order) -> str:
@@ -117,6 +99,4 @@ def _line(entry: Leftover) -> str:
 
 
 def _coefficients(entry: Leftover) -> str:
-    return ', '.join(
-        f'{value_with(c.value, c.std)} +- {number(c.std, 2)} {c.unit}' for c in entry.coefficients
-    )
+    return ', '.join(estimate(c.value, c.std, c.unit) for c in entry.coefficients)

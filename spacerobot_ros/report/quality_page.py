@@ -78,8 +78,6 @@ def _sampling(quality: Quality) -> Table:
         for s in quality.sensors
     ]
     return table_of(
-        '',
-        '',
         rows,
         'sensor | samples | from [s] | length [s] | rate [Hz] | jitter [ms] | gaps | '
         'longest [s] | lost',
@@ -90,8 +88,6 @@ def _sampling(quality: Quality) -> Table:
 
 def _delays(quality: Quality) -> Table:
     return table_of(
-        '',
-        '',
         [{'d': d, 'delay': 1e3 * d.delay, 'std': 1e3 * d.std} for d in quality.delays],
         'sensor | against the integral of | late by [ms] | +- std | makes, rms | unit',
         '{d.late} | {d.reference} | {delay:number 3} | {std:number 2} | {d.error:number 2} | '
@@ -101,12 +97,11 @@ def _delays(quality: Quality) -> Table:
 
 def _channels(channels: tuple[Reading, ...]) -> Table:
     return table_of(
-        '',
-        'noise: standard deviation of the white part of one sample',
         [{'c': c, 'step': c.step or None} for c in channels],
         'channel | unit | lowest | highest | step | saturated | noise seen | stated',
         '{c.channel} | {c.unit} | {c.lowest:number} | {c.highest:number} | {step:number 3} | '
         '{c.saturated:percent .2g} | {c.noise:number 3} | {c.stated:number 3}',
+        'noise: standard deviation of the white part of one sample',
     )
 
 
@@ -152,10 +147,9 @@ def _excitation(quality: Quality, is_whole: bool) -> Iterator[Item]:
         'beside all other unknowns, are less than their plausible size'
     )
     yield table_of(
-        '',
-        '' if is_whole else 'all others are told',
         [one for one in found if is_whole or one.status != 'told'],
         'effect | where | number | plausible size | std alone | std beside others | unit | status',
         '{effect} | {where:or } | {parameter} | {size:number 2} | {alone:number 2} | '
         '{together:number 2} | {unit:or 1} | {status}',
+        '' if is_whole else 'all others are told',
     )
