@@ -16,7 +16,7 @@ from ..display import Item, Plot, Report, Section, Table, table_of
 from ..formats import number
 from . import diagnosis_plots as curves
 from .diagnosis_tables import value_cells
-from .words import COMPARISON, REPEATS
+from .words import COMPARISON, REPEATS, SAID
 
 
 def summary(comparison: Comparison) -> Iterator[Section]:
@@ -25,14 +25,11 @@ def summary(comparison: Comparison) -> Iterator[Section]:
     if comparison.changes:
         lines = rival_lines(comparison.changes)
         yield Section('changes', [change_table(comparison.changes), *lines])
-    yield Section(
-        'change of one parameter that would have been named', [detectable_table(comparison)]
-    )
+    title = 'change of one parameter that would have been named'
+    yield Section(title, [detectable_table(comparison)])
     left = ', '.join(' '.join(row) for row in _left(comparison))
-    yield Section('', [f'left unexplained, rms: {left}'])
-    if comparison.is_repeated:
-        line = 'repeats of one motion: judged by the scatter between the runs before'
-        yield Section('', [line])
+    repeats = 'repeats of one motion: judged by the scatter between the runs before'
+    yield Section('', [f'left unexplained, rms: {left}', *[repeats] * comparison.is_repeated])
 
 
 def rival_lines(changes: tuple[Change, ...]) -> list[str]:
@@ -74,33 +71,24 @@ def comparison_page(comparison: Comparison, command: str) -> Report:
         comparison: What it says.
         command: The command line that asked for it.
     """
-    changed = [Section('What changed', list(_changes(comparison)))]
-    seen = 'The smallest change of each parameter, alone, that would have been named.'
+    panels = partial(curves.error_panels, comparison.series, ())
+    torques = Table(('joint', 'left unexplained, rms', 'unit'), list(_left(comparison)))
+    changed: list[Item] = []
+    if comparison.changes:
+        changed = [change_table(comparison.changes), *rival_lines(comparison.changes)]
+    missed = Plot(panels, SAID['missed torques'], height=180)
+    how = f'{REPEATS if comparison.is_repeated else COMPARISON} See docs/diagnosis.md.'
+    sections: list[tuple[str, list[Item]]] = [
+        ('Verdict', [comparison.sentence]),
+        ('What changed', changed),
+        ('Torques that are missed afterwards', [torques, missed]),
+        ('What would have been seen', [detectable_table(comparison, SAID['changes'])]),
+        ('How it was done', [f'{command}   (spacerobot {__version__})', how]),
+    ]
     return Report(
         title=f'Comparison: {comparison.verdict}',
         subtitle=', '.join(comparison.left),
-        sections=[
-            Section('Verdict', [comparison.sentence]),
-            *(changed if comparison.changes else []),
-            Section('Torques that are missed afterwards', list(_torques(comparison))),
-            Section('What would have been seen', [detectable_table(comparison, seen)]),
-            Section('How it was done', list(_how(comparison, command))),
-        ],
-    )
-
-
-def _changes(comparison: Comparison) -> Iterator[Item]:
-    yield change_table(comparison.changes)
-    yield from rival_lines(comparison.changes)
-
-
-def _torques(comparison: Comparison) -> Iterator[Item]:
-    yield Table(('joint', 'left unexplained, rms', 'unit'), list(_left(comparison)))
-    yield Plot(
-        partial(curves.error_panels, comparison.series, ()),
-        'First recording afterwards, each joint where it moves: torque that is missed with what '
-        'both groups share (before), and with what changed as well (after).',
-        height=180,
+        sections=[Section(title, items) for title, items in sections if items],
     )
 
 
@@ -108,8 +96,3 @@ def _left(comparison: Comparison) -> Iterator[tuple[str, str, str]]:
     """Each joint with what no cause explains of its torque, and the unit."""
     for joint, rms in comparison.left.items():
         yield joint, number(rms, 3), comparison.units[joint]
-
-
-def _how(comparison: Comparison, command: str) -> Iterator[Item]:
-    yield f'{command}   (spacerobot {__version__})'
-    yield f'{REPEATS if comparison.is_repeated else COMPARISON} See docs/diagnosis.md.'

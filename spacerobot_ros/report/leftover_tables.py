@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import yaml
 
@@ -11,6 +11,7 @@ from ..diagnosis.answer.extended_model import effects_section
 from ..diagnosis.answer.result import Diagnosis, Leftover, Order
 from ..display import Item, Table
 from ..formats import UNTESTED, estimate, percent, probability
+from .words import SAID
 
 _ONCE = 0.01  # of a turn: what a scale of the wheel's rate may be off by
 
@@ -23,14 +24,11 @@ def leftover_lines(diagnosis: Diagnosis) -> list[str]:
 
 def leftover_items(diagnosis: Diagnosis) -> Iterator[Item]:
     """For the page: a table, and the YAML entry of every law, to paste under `effects`."""
-    yield _table(
-        diagnosis,
-        'p: of such a law by chance; held out: share that it explains of parts it was not fitted '
-        'to, placebo: the best of columns without meaning; other recording: share of one that was '
-        'not used.',
-    )
+    if not diagnosis.leftover:
+        return
+    yield _table(diagnosis.leftover, SAID['leftover'])
     yield from (_order_line(order) for order in diagnosis.orders or ())
-    for entry in diagnosis.leftover or ():
+    for entry in diagnosis.leftover:
         if entry.applied is not None:
             section = effects_section([entry.applied])
             text = yaml.safe_dump(section, sort_keys=False, default_flow_style=True, width=1e9)
@@ -40,9 +38,9 @@ def leftover_items(diagnosis: Diagnosis) -> Iterator[Item]:
             )
 
 
-def _table(diagnosis: Diagnosis, caption: str) -> Table:
+def _table(leftover: Sequence[Leftover], caption: str) -> Table:
     rows = []
-    for one in diagnosis.leftover or ():
+    for one in leftover:
         shares = one.held_out_gain, one.placebo_gain, one.other_recording
         tested = ['' if share is None else percent(share, nothing=UNTESTED) for share in shares]
         p = '' if one.p_value is None else probability(one.p_value)

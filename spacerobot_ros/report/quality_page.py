@@ -12,6 +12,7 @@ from ..diagnosis.quality.quality import Quality
 from ..diagnosis.quality.readings import Reading
 from ..display import (
     Curve,
+    GoodOrBad,
     Item,
     KeyFigure,
     KeyFigures,
@@ -23,8 +24,6 @@ from ..display import (
     table_of,
 )
 from ..formats import number
-
-_DIGITS = 3
 
 
 def quality_page(quality: Quality) -> Report:
@@ -59,14 +58,11 @@ def _key_figures(quality: Quality) -> KeyFigures:
     found = quality.excitation
     count = '-' if found is None else f'{count_told(found)} of {len(found)}'
     joints = next((s for s in quality.sensors if s.sensor == 'joints'), quality.sensors[0])
+    status: GoodOrBad = 'bad' if quality.findings else 'good'
     return KeyFigures(
         [
             KeyFigure('length', f'{joints.duration:.4g}', 's', f'{joints.sensor} sampled'),
-            KeyFigure(
-                'findings',
-                str(len(quality.findings)),
-                status='bad' if quality.findings else 'good',
-            ),
+            KeyFigure('findings', str(len(quality.findings)), status=status),
             KeyFigure('unknowns told', count, remark=quality.why_not),
         ]
     )
@@ -106,17 +102,15 @@ def _channels(channels: tuple[Reading, ...]) -> Table:
 
 
 def _walks(curves: tuple[Allan, ...]) -> Table:
-    rows = [
-        (a.channel, a.unit, _or_unseen(a.white), _or_unseen(a.random_walk),
-         number(a.most_walk, 2), _or_unseen(a.angle))
-        for a in curves
-    ]  # fmt: skip
+    rows = []
+    for a in curves:
+        seen = (
+            'not seen' if x is None else number(x, 3) for x in (a.white, a.random_walk, a.angle)
+        )
+        white, walk, angle = seen
+        rows.append((a.channel, a.unit, white, walk, number(a.most_walk, 2), angle))
     head = 'white [unit/s/sqrt(Hz)]', 'random walk [unit/s/sqrt(s)]', 'a walk that would be seen'
     return Table(('rate', 'unit', *head, 'what it is compared with, white [unit]'), rows)
-
-
-def _or_unseen(value: float | None) -> str:
-    return 'not seen' if value is None else number(value, _DIGITS)
 
 
 def _curves(curves: tuple[Allan, ...]) -> Iterator[Plot]:

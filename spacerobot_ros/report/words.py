@@ -45,4 +45,5 @@ WORDS: Mapping[Method, MethodWords] = {
 }
 KINDS: Mapping[str, str] = _ALL['kinds']
 REASONS: Mapping[str, str] = _ALL['reasons']
+SAID: Mapping[str, str] = _ALL['captions']
 COMPARISON, REPEATS = _ALL['comparison'], _ALL['repeats']
