@@ -16,7 +16,7 @@ from ..display import Item, Plot, Report, Section, Table, table_of
 from ..formats import number
 from . import diagnosis_plots as curves
 from .diagnosis_tables import value_cells
-from .words import COMPARISON, REPEATS, SAID
+from .sentences import COMPARISON, REPEATS, SAID
 
 
 def summary(comparison: Comparison) -> Iterator[Section]:

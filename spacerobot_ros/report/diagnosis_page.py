@@ -19,7 +19,7 @@ from . import diagnosis_plots as curves
 from . import diagnosis_tables as tables
 from .event_tables import event_table, limit_table, possible_lines
 from .leftover_tables import leftover_items
-from .words import KINDS, SAID, WORDS
+from .sentences import KINDS, SAID, WORDS
 
 _SHORT = 20  # characters of a cell that stays on one line
 _SIGNALS, _SPECTRA = 3, 3

@@ -20,7 +20,7 @@ from ..formats import counted, estimate, number, percent, probability, value_wit
 from ..model.robot import Robot
 from .event_tables import event_table, limit_table, possible_lines
 from .leftover_tables import leftover_lines
-from .words import WORDS
+from .sentences import WORDS
 
 RATIOS = 'ratios, which hold for any scale of the torques'
 _RANKED = 10  # rows

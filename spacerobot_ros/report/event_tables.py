@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from ..diagnosis.events.event import Event, Events
 from ..display import Table, table_of
 from ..formats import number, quantity
-from .words import REASONS
+from .sentences import REASONS
 
 
 def event_table(events: Events, caption: str = '') -> Table:

@@ -11,7 +11,7 @@ from ..diagnosis.answer.extended_model import effects_section
 from ..diagnosis.answer.result import Diagnosis, Leftover, Order
 from ..display import Item, Table
 from ..formats import UNTESTED, estimate, percent, probability
-from .words import SAID
+from .sentences import SAID
 
 _ONCE = 0.01  # of a turn: what a scale of the wheel's rate may be off by
 

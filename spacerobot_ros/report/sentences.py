@@ -1,4 +1,4 @@
-"""Sentences of the pages, which stand in `assets/words.yaml`."""
+"""Sentences of the pages, which stand in `assets/sentences.yaml`."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class MethodWords:
     nothing_left: str = 'Not tested: the level of what no cause explains comes from the data.'
 
 
-_TEXT = (resources.files(__package__) / 'assets' / 'words.yaml').read_text(encoding='utf-8')
+_TEXT = (resources.files(__package__) / 'assets' / 'sentences.yaml').read_text(encoding='utf-8')
 _ALL = yaml.safe_load(_TEXT.replace('{band}', f'{BAND:g}'))
 WORDS: Mapping[Method, MethodWords] = {
     method: MethodWords(**words) for method, words in _ALL['methods'].items()
