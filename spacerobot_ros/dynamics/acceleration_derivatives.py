@@ -35,6 +35,9 @@ def acceleration_derivatives(
     Returns:
         By joint positions, by generalized rates, by generalized forces: each (N, 6 + n, 6 + n);
         columns of the base's position, and all of a fixed base, are zero.
+
+    Raises:
+        LinAlgError: a mass matrix is singular.
     """
     import pinocchio as pin  # late: no node's start waits for it
 
@@ -54,6 +57,8 @@ def acceleration_derivatives(
         by_q[:], by_v[:], inverse[:] = pin.computeABADerivatives(own.model, data, *state)
     i, j = np.tril_indices(out.shape[2], -1)
     out[2, :, i, j] = out[2, :, j, i]  # Pinocchio writes one half
+    if not np.isfinite(out[2]).all():
+        raise np.linalg.LinAlgError('Singular matrix')
     back = np.argsort([*range(first), *columns])
     by_q, by_v, inverse = out[:, :, back[:, None], back]
     by_q[:, :, :6] = 0.0

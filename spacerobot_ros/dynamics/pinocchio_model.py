@@ -8,7 +8,8 @@ from functools import lru_cache
 import numpy as np
 import pinocchio as pin
 
-from ..model.robot import Robot, tree_order
+from ..model.body import Body, tree_order
+from ..model.robot import Robot
 from ..types import IntArray
 
 
@@ -38,7 +39,7 @@ def in_pinocchio(robot: Robot) -> PinocchioModel:
     ids = [0]
     if robot.is_free:
         ids[0] = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), 'base')
-        model.inertias[ids[0]] = pin.Inertia(*robot.bodies[0].solid)
+        model.inertias[ids[0]] = _inertia(robot.bodies[0])
     ids += [-1] * robot.n_joints
     for index in tree_order(robot.bodies):
         body = robot.bodies[index]
@@ -51,9 +52,16 @@ def in_pinocchio(robot: Robot) -> PinocchioModel:
         ids[index] = model.addJoint(
             ids[body.parent], kind(body.axis), placement, robot.joints[index - 1]
         )
-        model.inertias[ids[index]] = pin.Inertia(*body.solid)  # of any mass, also below zero
+        model.inertias[ids[index]] = _inertia(body)
         model.armature[model.joints[ids[index]].idx_v] = body.motor_inertia
-    base = 6 if robot.is_free else 0
-    indices = np.array([model.joints[i].idx_v - base for i in ids[1:]], dtype=int)
-    columns = np.concatenate([np.arange(base), 6 + np.argsort(indices)])
+    first = 6 if robot.is_free else 0
+    indices = np.array([model.joints[i].idx_v - first for i in ids[1:]], dtype=int)
+    columns = np.concatenate([np.arange(first), 6 + np.argsort(indices)])
     return PinocchioModel(model, tuple(ids), indices, columns)
+
+
+def _inertia(body: Body) -> pin.Inertia:
+    """Of any numbers: fits pass through bodies that none can be, which its constructor refuses."""
+    out = pin.Inertia.Zero()
+    out.mass, out.lever, out.inertia = body.mass, body.com, body.inertia
+    return out

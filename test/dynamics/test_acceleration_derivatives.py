@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -50,14 +51,8 @@ def slope(function, name, size, step):
     return np.array(columns).T
 
 
-@pytest.mark.parametrize('case', CASES.values(), ids=CASES.keys())
-def test_derivatives_are_those_of_our_own_accelerations(case, rng):
-    parents, prismatic, options = case
-    parts = random_tree(rng, parents, prismatic)
-    joints = [parts[i].joint for i in 1 + rng.permutation(len(parents))]
-    robot = robot_of(parts, joints, **options)
-    for joint in robot.joints:
-        robot = robot.with_motor_inertia(joint, rng.uniform(0.1, 1.0))
+def agrees(robot, rng):
+    """Derivatives along a motion are differences of accelerations."""
     motion, n = motion_of(robot, rng, COUNT), robot.n_joints
     if not robot.is_free:
         motion.omega, motion.velocity = np.zeros((2, COUNT, 3))
@@ -77,6 +72,36 @@ def test_derivatives_are_those_of_our_own_accelerations(case, rng):
             np.testing.assert_allclose(ours, exact, rtol=0, atol=limit * np.max(np.abs(exact)))
         if robot.is_free:
             np.testing.assert_array_equal(got.by_position[k][:, : 6 - first], 0.0)
+
+
+@pytest.mark.parametrize('case', CASES.values(), ids=CASES.keys())
+def test_derivatives_are_those_of_our_own_accelerations(case, rng):
+    parents, prismatic, options = case
+    parts = random_tree(rng, parents, prismatic)
+    joints = [parts[i].joint for i in 1 + rng.permutation(len(parents))]
+    robot = robot_of(parts, joints, **options)
+    for joint in robot.joints:
+        robot = robot.with_motor_inertia(joint, rng.uniform(0.1, 1.0))
+    agrees(robot, rng)
+
+
+@pytest.mark.parametrize('change', [{'mass': -0.5}, {'mass': 0.0}, {'inertia': -0.1 * np.eye(3)}])
+def test_bodies_that_can_not_exist_have_derivatives_too(change, rng):
+    parents, prismatic, options = CASES['slides']
+    robot = robot_of(random_tree(rng, parents, prismatic), **options)
+    agrees(with_body(robot, 2, **change), rng)
+
+
+def test_a_singular_mass_matrix_is_refused(rng):
+    robot = with_body(robot_of(random_tree(rng, [0, 1])), 2, mass=0.0, inertia=np.zeros((3, 3)))
+    with pytest.raises(np.linalg.LinAlgError):
+        TorqueDriven(robot).linearize(motion_of(robot, rng, COUNT))
+
+
+def with_body(robot, index, **change):
+    bodies = list(robot.bodies)
+    bodies[index] = replace(bodies[index], **change)
+    return replace(robot, bodies=tuple(bodies))
 
 
 def test_what_a_motor_gives_of_its_torque_it_gives_of_its_noise(rng):
