@@ -216,6 +216,18 @@ def test_a_held_step_is_the_general_step_of_order_8(make, rng):
     np.testing.assert_allclose(held, y, rtol=1e-14, atol=1e-13)  # wheels turn at 500 rad/s
 
 
+@pytest.mark.parametrize('tableau', [RK4, DOP853], ids=['rk4', 'rk8'])
+def test_a_step_of_many_is_the_step_of_each(tableau, rng):
+    x = rng.standard_normal((2, 3, 5))
+
+    def rate(t, y):
+        return t * y - y * y
+
+    many = rk_step(rate, 0.3, x, 0.1, tableau)
+    for index in np.ndindex(2, 3):
+        np.testing.assert_array_equal(rk_step(rate, 0.3, x[index], 0.1, tableau), many[index])
+
+
 def test_the_coefficients_are_scipys():
     (*nodes, end), weights = DOP853
     stages = SCIPY.n_stages
