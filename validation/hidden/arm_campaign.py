@@ -149,20 +149,18 @@ def tables(results: Results) -> list[Table]:
 
 def _shares(scores: Mapping[str, Any]) -> Table:
     return table_of(
-        'Names',
-        'shares with their 95 % intervals (Wilson)',
         [{'kind': kind, **s, 'names': _listed(s['false_names'])} for kind, s in scores.items()],
         'asked | without a cause: with a name | false names | first name right | nothing else | '
         'within 3 std | rms error by std | too large to hide | median time [s]',
         '{kind} | {false} | {names} | {first} | {alone} | {within} | {spread:.2f} | {too_large} | '
         '{wall:.2g}',
+        'shares with their 95 % intervals (Wilson)',
+        'Names',
     )
 
 
 def _causes(kind: str, score: Mapping[str, Any]) -> Table:
     return table_of(
-        {'diagnose': 'Causes of one recording', 'compare': 'Changes between two'}[kind],
-        'hidden at three times the limit of each record; size: the median of what was hidden',
         [
             {**own, 'name': own['cause'].replace('_', ' '), 'for': _listed(own['taken_for'])}
             for own in score['causes']
@@ -171,6 +169,8 @@ def _causes(kind: str, score: Mapping[str, Any]) -> Table:
         'rms error by std',
         '{name} | {parameter} {size:.3g} {unit} | {first} | {missed} | {for} | {others} | '
         '{spread:.2f}',
+        'hidden at three times the limit of each record; size: the median of what was hidden',
+        {'diagnose': 'Causes of one recording', 'compare': 'Changes between two'}[kind],
     )
 
 

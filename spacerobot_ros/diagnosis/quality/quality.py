@@ -26,9 +26,9 @@ from .sampling import (
     Sampling,
     delay_of,
     discrepancies,
-    integral,
     rate_scales,
     samplings,
+    spline_integral,
 )
 
 _QUICK, _LONG = 14, 120.0  # joints and seconds that are identified within some seconds
@@ -128,7 +128,7 @@ def _alone(record: Record) -> Allan | None:
     """Of a gyro that no attitude is beside: its motion is in it."""
     if len(record.attitude_time) or len(record.rate_time) < 4:
         return None
-    time, moved = record.rate_time, integral(record.rate_time, record.omega)
+    time, moved = record.rate_time, spline_integral(record.rate_time, record.omega)
     return allan('gyro, its motion included', time, moved)
 
 

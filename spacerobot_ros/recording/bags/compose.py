@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...dynamics.ledger import MomentumLedger
+from ...dynamics.state import MomentumLedger
 from ...types import Array, Quaternion, Vector3
 from ..messages import INERTIAL_FRAME, SECOND_NS
 
