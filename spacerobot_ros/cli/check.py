@@ -23,7 +23,7 @@ from .terminal import print_json, print_sections
 
 def run(args: argparse.Namespace) -> int:
     """Look and print; 0 where nothing was found, else 1."""
-    from ..diagnosis.quality.quality import quality_of
+    from ..diagnosis.quality.quality import check_record
     from ..effects.robot_file import load_robot_file
     from ..recording.read import read_record
     from ..report.html import write_report
@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
         check_file(args.report, args.force)
     file = None if args.robot is None else load_robot_file(args.robot)
     record = read_record(args.data, None if file is None else file.robot, args.map)
-    quality = quality_of(record, file)
+    quality = check_record(record, file)
     try:
         if args.report:
             write_report(quality_page(quality), args.report)

@@ -31,7 +31,6 @@ JSON_NAME, REPORT_NAME = 'comparison.json', 'report.html'
 
 def run(args: argparse.Namespace) -> int:
     """Compare, write, print; 0 where nothing changed, else 1."""
-    from ..diagnosis.comparison.change_conclusion import conclude_changes
     from ..diagnosis.comparison.compare import compare
     from ..effects.robot_file import load_robot_file
     from ..json_values import json_text
@@ -46,10 +45,9 @@ def run(args: argparse.Namespace) -> int:
         report = stage('reading', 1.0)
         groups = [[args.first, *args.before], [args.second, *args.after]]
         before, after = read_groups(groups, file.robot, args.map, split_gaps=args.split_gaps)
-        found = compare(
+        comparison = compare(
             before, after, file.robot, file.effects, lambda what, share: report(share, what)
         )
-    comparison = conclude_changes(found)
     write_text(out / JSON_NAME, json_text(comparison))
     write_report(comparison_page(comparison, _command(args)), out / REPORT_NAME)
     if args.json:

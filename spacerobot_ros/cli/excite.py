@@ -62,19 +62,15 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _design(args: argparse.Namespace, file: RobotFile) -> int:
-    from ..excitation.assessment import Summary
-    from ..excitation.design import search
+    from ..excitation.assessment import design_motion
     from ..excitation.motions import write_trajectory
-    from ..excitation.problem import Problem
     from ..report.excitation_page import excitation_page, excitation_sections
     from ..report.html import write_report
 
-    problem = Problem(file)
-    options = problem.settings.excitation
+    options = file.settings.excitation
     with progress() as stage:
         advance = stage('designing', options.starts * options.iterations)
-        design = search(problem, lambda steps, _: advance(steps))
-    summary = Summary(problem, design)
+        summary = design_motion(file, lambda steps, _: advance(steps))
     write_trajectory(summary.chosen, args.robot, args.output)
     if args.json:
         print_json(summary)
@@ -83,7 +79,7 @@ def _design(args: argparse.Namespace, file: RobotFile) -> int:
         print(f'written: {args.output}')
     if args.report:
         write_report(excitation_page(summary), args.report)
-    if design.interrupted:
+    if summary.found.interrupted:
         print('spacerobot excite: stopped early, best motion so far kept', file=sys.stderr)
         return 130
     return 0

@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     from ..estimation.unknowns.minimal import minimal_set
     from ..estimation.unknowns.standard_parameters import standard_parameters
     from ..identification.advice import advise_on
-    from ..identification.batch import identify_robot
+    from ..identification.batch import identify
     from ..identification.lone_body import identify_lone_body
     from ..identification.validity_limits import MOST_PASSES
     from ..model.writer import write_robot_file
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     if file.robot.joints:
         with progress() as stage:
             advance = stage('identifying, passes', MOST_PASSES)
-            result = identify_robot(record, robot, settings, args.method, advance)
+            result = identify(record, robot, settings, args.method, advance)
         minimal = minimal_set(robot, settings.structure)
         groups = list(standard_parameters(robot, minimal, settings.structure))
         advice = []

@@ -31,6 +31,7 @@ from ...types import Array, IntArray
 from ..arms.arm_found import refuse_rest
 from ..arms.held_out_checks import check_held_out
 from ..arms.selection import Selection
+from .change_conclusion import Comparison, conclude_changes
 from .changed_bodies import drop_needless_bodies
 from .changes import ChangeRows, Changes, clear_fit
 from .moments import Moments
@@ -78,8 +79,8 @@ def compare(
     robot: Robot,
     believed: Sequence[Effect] = (),
     report: Callable[[str, float], None] = lambda what, share: None,
-) -> Changes:
-    """What changed between two groups of recordings.
+) -> Comparison:
+    """Say what changed between two groups of recordings of one machine.
 
     Args:
         before: Of a machine with a fixed base and measured efforts.
@@ -91,6 +92,17 @@ def compare(
     Raises:
         RecordingError: faulty data, a free base or no efforts, or no joint that moves.
     """
+    return conclude_changes(changes_between(before, after, robot, believed, report))
+
+
+def changes_between(
+    before: Sequence[Record],
+    after: Sequence[Record],
+    robot: Robot,
+    believed: Sequence[Effect] = (),
+    report: Callable[[str, float], None] = lambda what, share: None,
+) -> Changes:
+    """The changes that `compare` is about, with all that they were chosen by."""
     groups = []
     for records in (before, after):
         for record in records:

@@ -86,7 +86,7 @@ class Quality:
         }
 
 
-def quality_of(record: Record, file: RobotFile | None = None) -> Quality:
+def check_record(record: Record, file: RobotFile | None = None) -> Quality:
     """Look at a recording.
 
     Args:
@@ -167,7 +167,7 @@ def _identified(record: Record, file: RobotFile, faults: tuple[str, ...]) -> Ite
     try:
         estimate = identify(
             corrected_record(record, file.robot, file.effects), robot, file.settings.identifier
-        )
+        ).estimate
     except SpaceRobotError as error:
         yield f'identify: {error}'
         return
