@@ -191,11 +191,6 @@ def _errors(answer: Findings) -> Iterator[Item]:
         diagnosis,
         f'Noise floor: {words.floor}; white p: probability of as much structure in white noise.',
     )
-    if answer.appearances:
-        yield tables.appearance_table(
-            answer.appearances,
-            'Where the errors of the model as it stands appear: a hint for people, no evidence.',
-        )
     for kind, group in groupby(diagnosis.series, key=lambda s: s.channel.split('/')[0]):
         panels = partial(curves.error_panels, list(group), curves.spans(diagnosis))
         yield Plot(panels, words.errors or _KINDS.get(kind, kind), words.time, height=180)

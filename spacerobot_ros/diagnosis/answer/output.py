@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -11,10 +11,9 @@ from ...effects.effect import Effect
 from ...effects.parameter import Parameter
 from ...json_values import json_value
 from ..events.event import events_to_dict
-from .appearance import Appearance
 from .cause import Cause
 from .closed_loop_gain import ClosedLoopGain
-from .result import Diagnosis, Gain, Leftover, Order, Residual
+from .result import Diagnosis, Gain, Leftover, Order
 
 SCHEMA = 2
 EXTENDED_MODEL = 'extended_model.yaml'
@@ -24,7 +23,6 @@ def to_dict(
     diagnosis: Diagnosis,
     added: Sequence[Effect] = (),
     closed_loop: ClosedLoopGain | None = None,
-    appearances: Mapping[str, Appearance] | None = None,
 ) -> dict[str, Any]:
     """Everything a diagnosis says, infinite and undefined numbers as null.
 
@@ -32,9 +30,7 @@ def to_dict(
         diagnosis: The answer.
         added: The causes as they stand in the extended model, in their order.
         closed_loop: What the extended model is worth to a controller, where that was measured.
-        appearances: Where in the motion each channel's error appears, by channel.
     """
-    seen = appearances or {}
     names = iter([effect.name for effect in added] or _ids(diagnosis))
     causes = [
         _cause(cause) | {'name': next(names) if cause.applied.recordings is None else None}
@@ -45,7 +41,7 @@ def to_dict(
         'verdict': diagnosis.verdict,
         'sentence': diagnosis.sentence,
         'causes': causes,
-        'residuals': [_residual(r, seen.get(r.channel)) for r in diagnosis.residuals],
+        'residuals': [{**asdict(r), 'appears': None} for r in diagnosis.residuals],
         'gain': _gain(diagnosis.gain),
         'closed_loop': None if closed_loop is None else _closed_loop(closed_loop),
         'extended_model': EXTENDED_MODEL,
@@ -139,13 +135,6 @@ def relevance(parameter: Parameter) -> float | None:
     if parameter.role == 'square' and parameter.relevant > 0.0:
         return math.sqrt(parameter.relevant)
     return None
-
-
-def _residual(residual: Residual, seen: Appearance | None) -> dict[str, Any]:
-    appears = None
-    if seen is not None:
-        appears = {'time': seen.time, 'with': seen.motion, 'correlation': seen.correlation}
-    return {**asdict(residual), 'appears': appears}
 
 
 def _gain(gain: Gain) -> dict[str, Any]:
