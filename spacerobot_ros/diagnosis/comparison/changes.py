@@ -140,10 +140,10 @@ class PutOn:
 def put_on(gram: Gram, sizes: Array, unexplained: float = 0.0) -> PutOn | None:
     """The likeliest body that was put on or taken off; None where it was none.
 
-    Ten numbers that motions hardly tell apart are not solved for as if anything could be added: on a
-    small arm an unbounded solve says that -0.03 kg with a first moment of 0.13 kg m were put on, which
-    no body has, and the likeliest body, 0.47 kg where 0.48 are known, has next to as much evidence. A
-    tool in place of another one is no body, nor less one: what is there then is one.
+    Ten numbers that motions hardly tell apart are not solved for as if anything could be added: on
+    a small arm an unbounded solve says that -0.03 kg with a first moment of 0.13 kg m were put on,
+    which no body has, and the likeliest body, 0.47 kg where 0.48 are known, has next to as much
+    evidence. A tool in place of another one is no body, nor less one: what is there then is one.
 
     It is none where the data say so beyond chance, and beyond what no change explains of them.
 

@@ -309,8 +309,9 @@ def corrected_by(law: LearnedTorque, causes: Sequence[Cause]) -> list[Cause]:
 def with_friction(entry: Leftover, friction: Sequence[Cause], motion: Motion) -> Leftover:
     """What is said of a law, with friction that it corrects; not applied where it still pushes.
 
-    Alone it pushes where the joint has less friction than is named, so that no controller could feed
-    it forward: friction of one direction is named as half of it in both. Whole it takes energy.
+    Alone it pushes where the joint has less friction than is named, so that no controller could
+    feed it forward: friction of one direction is named as half of it in both. Whole it takes
+    energy.
     """
     law = entry.applied
     if not isinstance(law, LearnedTorque):

@@ -332,10 +332,10 @@ def chance_of(
     terms, which keeps the spectrum, lines included; and of blocks in time, which keeps noise that
     grows where the motion is fast. The more careful of the two counts.
 
-    A score is a logarithm of odds, and chance exceeds it exponentially: by s nats more with exp(-s) at
-    most, as odds do, or steeper as the rarest tenth of the repetitions says. Most laws are nearly what
-    tolerances allow, which neither gain nor cost anything, so that the usual best score hardly varies
-    from one repetition to the next and says nothing of its tail.
+    A score is a logarithm of odds, and chance exceeds it exponentially: by s nats more with
+    exp(-s) at most, as odds do, or steeper as the rarest tenth of the repetitions says. Most laws
+    are nearly what tolerances allow, which neither gain nor cost anything, so that the usual best
+    score hardly varies from one repetition to the next and says nothing of its tail.
 
     Args:
         score: Of the law, with the level that each hypothesis leaves itself: under the level that

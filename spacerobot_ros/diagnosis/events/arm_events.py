@@ -70,8 +70,8 @@ _FEWEST = 2  # starts: one may be a push
 def break_away(balances: Sequence[Balance]) -> Array:
     """(n,) torques at which joints start, the median of all starts; 0 where few are seen [N m].
 
-    Dry friction holds more than it leaves of a motion, of a light joint nearly twice as much: what a
-    joint bears by itself before it starts is no push.
+    Dry friction holds more than it leaves of a motion, of a light joint nearly twice as much: what
+    a joint bears by itself before it starts is no push.
     """
     joints = range(balances[0].robot.n_joints)
     every = [np.array([x for b in balances for x in _starts(b, j)]) for j in joints]

@@ -175,12 +175,12 @@ _LEAST = 1.0  # of the median scale: where little is left of the model, it may b
 def scatter_scales(scan: PulseScan, before: Sequence[Array]) -> list[Array]:
     """(M,) scale of every joint's rows.
 
-    log |left| = x' c + noise,
+        log |left| = x' c + noise,
 
-    over features x of a joint's rows: how slow it is, how fast, how fast the whole arm is, how much it
-    accelerates, and the recording. Rows are divided by exp(x' c), so that the level of what is left is
-    that of all rows. Without it a reversal looks like a push, and all other rows like noise; so does a
-    rough drive's recording among smooth ones.
+    over features x of a joint's rows: how slow it is, how fast, how fast the whole arm is, how
+    much it accelerates, and the recording. Rows are divided by exp(x' c), so that the level of
+    what is left is that of all rows. Without it a reversal looks like a push, and all other rows
+    like noise; so does a rough drive's recording among smooth ones.
 
     Args:
         scan: A model, its rows by the scales before.

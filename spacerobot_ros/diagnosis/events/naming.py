@@ -251,11 +251,11 @@ Wrench = Mapping[str, tuple[float, float]]
 def wrench_of(search: PulseSearch, first: Pulse, link: str) -> Wrench | None:
     """The wrench at a link; None where joints tell less than all of it.
 
-    tau_j = sum_k (J' e_k)_j w_k,    w = (M' M)^-1 M' (tau / std),  M = J' / std,
+        tau_j = sum_k (J' e_k)_j w_k,    w = (M' M)^-1 M' (tau / std),  M = J' / std,
 
-    with the joints' torques from outside by one template at the event's time, those that do not feel
-    it included, and J of the last link that does: a contact beyond it has the same force there, and a
-    torque that counts its lever.
+    with the joints' torques from outside by one template at the event's time, those that do not
+    feel it included, and J of the last link that does: a contact beyond it has the same force
+    there, and a torque that counts its lever.
 
     Args:
         search: The recordings.
