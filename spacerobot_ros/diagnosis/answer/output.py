@@ -31,7 +31,9 @@ def to_dict(
         added: The causes as they stand in the extended model, in their order.
         closed_loop: What the extended model is worth to a controller, where that was measured.
     """
-    names = iter([effect.name for effect in added] or _ids(diagnosis))
+    every = (cause.applied for cause in diagnosis.causes)
+    lasting = [effect for effect in every if effect.recordings is None]
+    names = iter([effect.name for effect in added or lasting])
     causes = [
         _cause(cause) | {'name': next(names) if cause.applied.recordings is None else None}
         for cause in diagnosis.causes
@@ -65,11 +67,6 @@ def to_dict(
         **events_to_dict(diagnosis.events),
     }
     return dict(json_value(values))
-
-
-def _ids(diagnosis: Diagnosis) -> list[str]:
-    every = (cause.applied for cause in diagnosis.causes)
-    return [effect.name for effect in every if effect.recordings is None]
 
 
 def _cause(cause: Cause) -> dict[str, Any]:
