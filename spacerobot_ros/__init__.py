@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from .excitation.assessment import design_motion as design_motion
     from .excitation.motions import write_trajectory as write_trajectory
     from .identification.batch import identify as identify
+    from .recording.npz import save_npz as save_npz
     from .recording.read import read_record as read_record
     from .recording.record import Record as Record
     from .simulation.closed_loop import ClosedLoop as ClosedLoop
@@ -61,6 +62,7 @@ PUBLIC = {
     'RobotFile': 'effects.robot_file',
     'read_record': 'recording.read',
     'Record': 'recording.record',
+    'save_npz': 'recording.npz',
     'check_record': 'diagnosis.quality.quality',
     'identify': 'identification.batch',
     'diagnose': 'diagnosis.diagnose',

@@ -49,6 +49,7 @@ SURFACE = {  # name: its parameters, with ? where one has a default
     'write_trajectory': 'chosen template path',
     'identify': 'record robot settings method? on_pass?',
     'read_record': 'path robot map_path? topics? is_joined?',
+    'save_npz': 'record path',
     'Record': 'joints? rates? attitudes? wheels? source? notes? zero_ns? inputs? description?',
     'ClosedLoop': 'robot settings estimate?',
     'record_run': 'loop steps path overwrite? progress?',
