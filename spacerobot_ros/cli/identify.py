@@ -47,7 +47,7 @@ def run(
     from ..estimation.unknowns.minimal import minimal_set
     from ..estimation.unknowns.standard_parameters import standard_parameters
     from ..identification.advice import advise_on
-    from ..identification.batch import identify_robot
+    from ..identification.batch import identify
     from ..identification.lone_body import identify_lone_body
     from ..identification.validity_limits import MOST_PASSES
     from ..model.writer import write_robot_file
@@ -74,7 +74,7 @@ def run(
     if file.robot.joints:
         with progress() as stage:
             advance = stage('identifying, passes', MOST_PASSES)
-            result = identify_robot(record, machine, settings, method, advance)
+            result = identify(record, machine, settings, method, advance)
         minimal = minimal_set(machine, settings.structure)
         groups = list(standard_parameters(machine, minimal, settings.structure))
         advice = []

@@ -136,8 +136,6 @@ def _signals(answer: Findings) -> Iterator[Item]:
 def _errors(answer: Findings) -> Iterator[Item]:
     diagnosis, words = answer.diagnosis, WORDS[answer.diagnosis.method]
     yield tables.residual_table(diagnosis, f'Noise floor: {words.floor}; {SAID["white"]}')
-    if answer.appearances:
-        yield tables.appearance_table(answer.appearances, SAID['appearances'])
     for kind, group in groupby(diagnosis.series, key=lambda s: s.channel.split('/')[0]):
         panels = partial(curves.error_panels, list(group), curves.spans(diagnosis))
         yield Plot(panels, words.errors or KINDS.get(kind, kind), words.time, height=180)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
-from ..diagnosis.answer.appearance import Appearance
 from ..diagnosis.answer.cause import Cause, Estimated
 from ..diagnosis.answer.closed_loop_gain import ClosedLoopGain, RmsErrors
 from ..diagnosis.answer.output import relevance
@@ -24,7 +23,6 @@ from .sentences import WORDS
 
 RATIOS = 'ratios, which hold for any scale of the torques'
 _RANKED = 10  # rows
-_CLEAR = 0.5  # correlation from which it is worth a word
 ABOVE_NOISE = 1.05
 """Of the noise floor: what an error may have and still be called noise."""
 _SCATTER = 4.0  # standard deviations
@@ -162,17 +160,6 @@ def ranking_table(diagnosis: Diagnosis) -> Table:
         '{effect} | {where:or } | {evidence:number} | {log_likelihood_gain:number} | '
         '{p_value:probability}',
     )
-
-
-def appearance_table(appearances: Mapping[str, Appearance], caption: str) -> Table:
-    """One row a channel whose error stands out."""
-    rows = []
-    for channel, seen in appearances.items():
-        motion, correlation = 'no single motion', ''
-        if abs(seen.correlation) > _CLEAR:
-            motion, correlation = seen.motion, f'{seen.correlation:+.2f}'
-        rows.append((channel, f'{seen.time:.1f}', motion, correlation))
-    return Table(('channel', 'largest at [s]', 'goes with', 'correlation'), rows, caption)
 
 
 def closed_loop_table(closed: ClosedLoopGain) -> Table:

@@ -139,7 +139,6 @@ def answer(tmp_path, verdict='explained'):
             task='a task', duration=5.0, joints={'joint_2': RmsErrors('rad', 1e-2, 1e-3)}
         ),
         why_open='',
-        appearances={},
         command='spacerobot diagnose bag --robot robot.yaml --out out',
     )
 

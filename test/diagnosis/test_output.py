@@ -14,18 +14,15 @@ import yaml
 from support.contracts import keeps
 from support.diagnosis import friction_cause, hand_made
 
-from spacerobot_ros.diagnosis.answer.appearance import appearances
 from spacerobot_ros.diagnosis.answer.cause import Rival
 from spacerobot_ros.diagnosis.answer.closed_loop_gain import closed_loop_gain
 from spacerobot_ros.diagnosis.answer.extended_model import NEVER, named, write_extended_model
 from spacerobot_ros.diagnosis.answer.next_motion import with_motions
 from spacerobot_ros.diagnosis.answer.output import relevance, to_dict
-from spacerobot_ros.diagnosis.answer.result import Series
 from spacerobot_ros.effects.catalogue import bind_effects
 from spacerobot_ros.effects.parameter import Parameter
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError
-from spacerobot_ros.recording.record import JointSeries, Record
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 SERVICER = CONFIG / 'servicer.yaml'
@@ -157,29 +154,6 @@ def test_advice_follows_the_verdict(verdict, word):
 def test_consistent_data_ask_for_nothing():
     clean = replace(hand_made('consistent'), causes=(), minor=())
     assert with_motions(clean, 'robot.yaml').next_motion == ()
-
-
-# ---------------------------------------------------------------- where errors appear
-
-
-def test_an_error_is_seen_to_go_with_the_rate_that_it_follows(rng):
-    stamps = np.arange(0, 20_000_000_000, 10_000_000)
-    time = stamps / 1e9
-    q = np.stack([np.sin(time), np.cos(1.7 * time)], axis=1)
-    qd = np.stack([np.cos(time), -1.7 * np.sin(1.7 * time)], axis=1)
-    record = Record(JointSeries(('a', 'b'), stamps, q, qd))
-    error = -0.5 * qd[:, 1] + 0.01 * rng.standard_normal(len(time))
-    quiet = 0.01 * rng.standard_normal(len(time))
-    seen = appearances(
-        (
-            Series('joint_torque/b', 'N m', time, np.zeros(0), error, quiet, 0.01),
-            Series('joint_torque/a', 'N m', time, np.zeros(0), quiet, quiet, 0.01),
-        ),
-        record,
-    )
-    assert list(seen) == ['joint_torque/b']  # the other is noise
-    assert seen['joint_torque/b'].motion == 'rate of b'
-    assert seen['joint_torque/b'].correlation < -0.99
 
 
 # ---------------------------------------------------------------- closed loop

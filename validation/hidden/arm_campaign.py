@@ -21,7 +21,7 @@ from spacerobot_ros.diagnosis.arms.arm_conclusion import conclude_arm
 from spacerobot_ros.diagnosis.arms.arms import find_arm_causes
 from spacerobot_ros.diagnosis.arms.selection import Selection
 from spacerobot_ros.diagnosis.comparison.change_conclusion import conclude_changes
-from spacerobot_ros.diagnosis.comparison.compare import compare
+from spacerobot_ros.diagnosis.comparison.compare import changes_between
 from spacerobot_ros.display import Table, table_of
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.effect import Effect
@@ -226,7 +226,7 @@ def _compared(seed: int, hidden: tuple[Effect, ...]) -> tuple[list[TrialRecord],
     """What is said to have changed between two recordings, and the choice."""
     file = arm_file()
     before, after = [RealArm(seed).record(0)], [RealArm(seed, hidden).record(1)]
-    found = compare(before, after, file.robot, file.effects)
+    found = changes_between(before, after, file.robot, file.effects)
     changes = conclude_changes(found).changes
     return [cause_record(c.effect, c.where, c.parameters, ()) for c in changes], found.selection
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from ...effects.effect import Effect
 from ...effects.parameter import Parameter
 from ...json_values import json_fields, json_value
-from .appearance import Appearance
 from .cause import Cause
 from .closed_loop_gain import ClosedLoopGain
 from .result import Diagnosis
@@ -22,7 +21,6 @@ def to_dict(
     diagnosis: Diagnosis,
     added: Sequence[Effect] = (),
     closed_loop: ClosedLoopGain | None = None,
-    appearances: Mapping[str, Appearance] | None = None,
 ) -> dict[str, Any]:
     """Everything a diagnosis says, infinite and undefined numbers as null.
 
@@ -30,10 +28,10 @@ def to_dict(
         diagnosis: The answer.
         added: The causes as they stand in the extended model, in their order.
         closed_loop: What the extended model is worth to a controller, where that was measured.
-        appearances: Where in the motion each channel's error appears, by channel.
     """
-    seen = appearances or {}
-    names = iter([effect.name for effect in added] or _ids(diagnosis))
+    every = (cause.applied for cause in diagnosis.causes)
+    lasting = [effect for effect in every if effect.recordings is None]
+    names = iter([effect.name for effect in added or lasting])
     causes = [
         _cause(cause) | {'name': next(names) if cause.applied.recordings is None else None}
         for cause in diagnosis.causes
@@ -45,9 +43,7 @@ def to_dict(
         'schema': SCHEMA,
         **json_fields(diagnosis),
         'causes': causes,
-        'residuals': [
-            json_fields(r) | {'appears': seen.get(r.channel)} for r in diagnosis.residuals
-        ],
+        'residuals': [json_fields(r) | {'appears': None} for r in diagnosis.residuals],
         'closed_loop': closed_loop,
         'extended_model': EXTENDED_MODEL,
         'minor': [_cause(cause) for cause in diagnosis.minor],
@@ -56,11 +52,6 @@ def to_dict(
         **events,
     }
     return dict(json_value(values))
-
-
-def _ids(diagnosis: Diagnosis) -> list[str]:
-    every = (cause.applied for cause in diagnosis.causes)
-    return [effect.name for effect in every if effect.recordings is None]
 
 
 def _cause(cause: Cause) -> dict[str, Any]:

@@ -77,7 +77,7 @@ class Quality:
         return {'schema': 1, 'verdict': verdict, **shown}
 
 
-def quality_of(record: Record, file: RobotFile | None = None) -> Quality:
+def check_record(record: Record, file: RobotFile | None = None) -> Quality:
     """Look at a recording.
 
     Args:
@@ -158,7 +158,7 @@ def _identified(record: Record, file: RobotFile, faults: tuple[str, ...]) -> Ite
     try:
         estimate = identify(
             corrected_record(record, file.robot, file.effects), robot, file.settings.identifier
-        )
+        ).estimate
     except SpaceRobotError as error:
         yield f'identify: {error}'
         return
