@@ -1,14 +1,15 @@
 """Lay out the pages of the documentation site, what is generated among them, for `mkdocs build`.
 
 The tree is the repository's own, so that links hold as they stand. Commands are documented by
-their `--help`, effects by the catalogue, the API by docstrings.
+their `--help`, effects by the catalogue, the Python surface by docstrings.
 
     python scripts/make_docs.py [FOLDER]      # out/docs: pages, and mkdocs.yml
 """
 
 from __future__ import annotations
 
-import argparse
+import importlib
+import inspect
 import os
 import shutil
 import sys
@@ -38,9 +39,7 @@ def main() -> int:
         _copy(path, pages / path.relative_to(ROOT))
     _write(pages / 'reference' / 'commands.md', '\n'.join(_commands()))
     _write(pages / 'reference' / 'catalogue.md', '\n'.join(_catalogue()))
-    rooms = sorted(p.parent.name for p in (ROOT / 'spacerobot_ros').glob('*/__init__.py'))
-    for room in rooms:
-        _write(pages / 'reference' / 'api' / f'{room}.md', '\n'.join(_api(room)))
+    _write(pages / 'reference' / 'python.md', '\n'.join(_api()))
     site = yaml.safe_load((ROOT / 'mkdocs.yml').read_text(encoding='utf-8'))
     site['hooks'] = [str(ROOT / hook) for hook in site['hooks']]
     site['docs_dir'], site['site_dir'] = str(pages.absolute()), str((out / 'site').absolute())
@@ -48,7 +47,6 @@ def main() -> int:
     found = sorted(str(p.relative_to(pages)) for p in (pages / 'docs').rglob('*.md'))
     if more := [path for path in found if path not in named]:
         site['nav'].append({'More': more})
-    site['nav'].append({'API': [{room: f'reference/api/{room}.md'} for room in rooms]})
     handler = next(p for p in site['plugins'] if 'mkdocstrings' in p)['mkdocstrings']
     handler['handlers']['python']['paths'] = [str(ROOT)]
     _write(out / 'mkdocs.yml', yaml.safe_dump(site, sort_keys=False))
@@ -68,17 +66,19 @@ def _write(path: Path, text: str) -> None:
 
 def _commands() -> Iterator[str]:
     """Every command's help."""
-    from spacerobot_ros.cli.main import COMMANDS, whole_parser
+    from click import Context
+
+    from spacerobot_ros.cli.commands import COMMANDS, spacerobot
 
     os.environ['COLUMNS'] = _WIDTH
-    parser = whole_parser()
-    yield '# Commands\n\n```\n' + parser.format_help().replace('```', '') + '```\n'
-    subparsers = next(
-        a for a in parser._actions if isinstance(a, argparse._SubParsersAction)
-    ).choices
-    for name, summary in COMMANDS.items():
+    root = Context(spacerobot, info_name='spacerobot', **spacerobot.context_settings)
+    yield f'# Commands\n\n```\n{spacerobot.get_help(root)}\n```\n'
+    for name in COMMANDS:
+        command = importlib.import_module(f'spacerobot_ros.cli.{name}').run
+        summary = command.get_short_help_str(1000)
         yield f'## spacerobot {name}\n\n{summary[:1].upper()}{summary[1:]}.\n'
-        yield f'```\n{subparsers[name].format_help()}```\n'
+        help_text = command.get_help(Context(command, info_name=name, parent=root))
+        yield f'```\n{help_text}\n```\n'
 
 
 def _catalogue() -> Iterator[str]:
@@ -101,14 +101,12 @@ def _catalogue() -> Iterator[str]:
         yield ''
 
 
-def _api(room: str) -> Iterator[str]:
-    """Every module of a room."""
-    folder = ROOT / 'spacerobot_ros' / room
-    yield f'# spacerobot_ros.{room}\n'
-    for path in sorted(folder.rglob('*.py')):
-        if path.name != '__init__.py':
-            name = '.'.join(path.relative_to(ROOT).with_suffix('').parts)
-            yield f'::: {name}\n'
+def _api() -> Iterator[str]:
+    """The public names."""
+    import spacerobot_ros
+
+    yield f'# Python\n\n{inspect.getdoc(spacerobot_ros)}\n'
+    yield from (f'::: spacerobot_ros.{name}\n' for name in spacerobot_ros.PUBLIC)
 
 
 if __name__ == '__main__':

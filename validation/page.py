@@ -55,8 +55,6 @@ def _status(is_good: bool) -> GoodOrBad:
 
 def _checks(checks: Sequence[Check]) -> Table:
     return table_of(
-        '',
-        '',
         [{'c': c, 'reached': 'yes' if c.is_met else 'NO'} for c in checks],
         'figure | value | from | to | unit | reached',
         '{c.what} | {c.value:.4g} | {c.low:.4g} | {c.high:.4g} | {c.unit} | {reached}',

@@ -57,7 +57,7 @@ def alternatives(
         The alternatives, best first, and the best set among them.
     """
     rest = found.chosen - hypotheses.dependents(found.chosen, [i])
-    closed, out, sets = {*barred, *hypotheses.family(i)}, list[Alternative](), list[ChosenSet]()
+    closed, out, sets = {*barred, *hypotheses.families[i]}, list[Alternative](), list[ChosenSet]()
     while len(out) < MOST_RIVALS:
         other = best_set(hypotheses, rest, closed)
         instead = sorted(other.chosen - found.chosen)

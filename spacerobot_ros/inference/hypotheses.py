@@ -9,7 +9,8 @@ by the loss of the nearest point that is allowed.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence, Set
+from collections import defaultdict
+from collections.abc import Collection, Hashable, Iterable, Sequence, Set
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -61,6 +62,7 @@ class Hypotheses:
         spikes: (K,) prior variance of every standardized coefficient where it is no cause's; a
             cause's is one.
         log_odds: (H,) prior log odds of each.
+        families: Of each, all variants of what it is one of.
     """
 
     def __init__(self, blocks: GramBlocks, every: Sequence[Hypothesis]) -> None:
@@ -85,11 +87,16 @@ class Hypotheses:
         self.log_odds = np.array([usual + h.log_odds for h in self.every])
         self.always = frozenset(i for i, h in enumerate(self.every) if h.log_odds == math.inf)
         numbers = {h.key: i for i, h in enumerate(self.every)}
-        excluded = [{numbers[k] for k in h.excludes if k in numbers} for h in self.every]
-        self._conflicts = [
-            self.family(i) | excluded[i] | {k for k, own in enumerate(excluded) if i in own}
-            for i in range(len(self.every))
-        ]
+        members = defaultdict[Hashable, set[int]](set)
+        likes = [(i,) if h.family is None else h.family for i, h in enumerate(self.every)]
+        for i, like in enumerate(likes):
+            members[like].add(i)
+        self.families = [members[like] for like in likes]
+        self._conflicts = [set(own) for own in self.families]
+        for i, h in enumerate(self.every):
+            for k in (numbers[key] for key in h.excludes if key in numbers):
+                self._conflicts[i].add(k)
+                self._conflicts[k].add(i)
         self._needs = [
             {numbers[k] for k in h.needs if k in numbers} if h.needs else None for h in self.every
         ]
@@ -287,12 +294,6 @@ class Hypotheses:
         return chosen.isdisjoint(self._conflicts[i]) and (
             needs is None or not chosen.isdisjoint(needs)
         )
-
-    def family(self, i: int) -> frozenset[int]:
-        """All variants of what a hypothesis is one of."""
-        own = self.every[i].family
-        every = enumerate(self.every)
-        return frozenset(k for k, h in every if k == i or (own is not None and h.family == own))
 
 
 def _inside(

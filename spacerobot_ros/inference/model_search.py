@@ -57,7 +57,7 @@ def best_set(
     """The best set that moves from a start reach.
 
     A hypothesis comes, or goes with what needs it; where neither helps, one takes the place of
-    another; where that does not, two of one, or one of two.
+    another; where that does not, two of one, one of two, or two come together.
 
     Args:
         hypotheses: All of them.
@@ -80,14 +80,15 @@ def _ahead(hypotheses: Hypotheses, now: ChosenSet, barred: Collection[int]) -> C
     closed = hypotheses.always | frozenset(barred)
     free = [i for i in sorted(hypotheses.open - now.chosen) if i not in closed]
     may_go = sorted(now.chosen - hypotheses.always)
-    single = [_Move(frozenset([i]), frozenset()) for i in _joining(hypotheses, free, now.chosen)]
-    single += [_Move(frozenset(), hypotheses.dependents(now.chosen, [i])) for i in may_go]
-    if best := _best(hypotheses, now, single):
+    joining = [_Move(frozenset([i]), frozenset()) for i in _joining(hypotheses, free, now.chosen)]
+    going = [_Move(frozenset(), hypotheses.dependents(now.chosen, [i])) for i in may_go]
+    if best := _best(hypotheses, now, [*joining, *going]):
         return best
     exchanges = [*_exchanges(hypotheses, now, free, may_go)]
     if best := _best(hypotheses, now, exchanges):
         return best
-    return _best(hypotheses, now, [*_twofold(hypotheses, now, free, may_go, exchanges)])
+    twofold = _twofold(hypotheses, now, free, may_go, [*joining, *exchanges])
+    return _best(hypotheses, now, [*twofold])
 
 
 def _joining(hypotheses: Hypotheses, free: Iterable[int], chosen: Set[int]) -> list[int]:
@@ -111,7 +112,7 @@ def _twofold(
     may_go: Sequence[int],
     exchanges: Sequence[_Move],
 ) -> Iterator[_Move]:
-    """Beside the best exchanges for each cause a further one goes, or a further one comes."""
+    """Beside the best exchanges for each cause, and for none, a further one goes or comes."""
     gains = _gains(hypotheses, now, exchanges)
     for gone in {m.gone for m in exchanges}:
         own = [k for k, m in enumerate(exchanges) if m.gone == gone]

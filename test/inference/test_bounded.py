@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from scipy.optimize import lsq_linear
 
+from spacerobot_ros.estimation.inference.constrained import ConstrainedProblem, PhysicalBody
 from spacerobot_ros.inference.bounded import nearest
 
 
@@ -75,3 +77,24 @@ def test_what_is_known_to_be_too_dear_is_not_sought_further():
     assert np.linalg.norm(x) == pytest.approx(1.0, abs=1e-2)
     _, less = nearest(*place, enough=100.0)
     assert 100.0 < less < loss
+
+
+@pytest.mark.parametrize('seed', range(8))
+def test_a_body_costs_what_the_interior_point_says(seed):
+    """Ten inertial parameters beside three bounded ones; data that want no body at all."""
+    rng = np.random.default_rng(seed)
+    file = pin.Inertia(2.0, np.array([0.1, 0.0, 0.05]), np.diag([0.02, 0.03, 0.025]))
+    body = PhysicalBody(np.arange(10), file.toDynamicParameters())
+    scale = np.concatenate([[2.0], np.full(3, 0.3), np.full(6, 0.05), np.ones(3)])
+    root = scale[:, None] * (0.3 * rng.standard_normal((13, 13)) + np.eye(13))
+    mean, covariance = 3.0 * scale * rng.standard_normal(13), 0.1 * root @ root.T
+    lower = np.concatenate([np.full(10, -np.inf), np.zeros(3)])
+    bounds = lower, np.full(13, np.inf)
+    x, loss = nearest(mean, covariance, bounds, [body])
+    information = np.linalg.inv(covariance)
+    inside = ConstrainedProblem(information, information @ mean, scale, *bounds, [body]).solve()
+    want = 0.5 * (inside - mean) @ information @ (inside - mean)
+    # barriers of 0.01 nats at seven bounds, and planes that each cost less than that
+    assert want - 0.3 < loss <= want + 1e-6
+    off = x - inside
+    assert 0.5 * off @ information @ off < 0.3

@@ -83,13 +83,13 @@ def two_columns(rng: np.random.Generator, data) -> tuple[GramBlocks, list[Hypoth
     ]
 
 
-def test_what_fails_on_other_parts_is_excluded_and_the_search_goes_on(rng):
+def test_what_fails_on_other_parts_is_excluded_and_the_search_goes_on():
     def data(columns):
         blip = np.zeros(600)
-        blip[100:110] = 12.0 * np.sign(columns[100:110, 0])
+        blip[100:110] = 20.0 * np.sign(columns[100:110, 0])
         return blip + 0.5 * columns[:, 1]
 
-    found = infer(*two_columns(rng, data))
+    found = infer(*two_columns(np.random.default_rng(1), data))
     assert found.excluded == {0}
     assert [c.key for c in found.causes] == [1]
 
@@ -111,3 +111,21 @@ def test_what_is_always_in_is_fitted_and_not_named(rng):
     found = infer(blocks, [replace(every[0], log_odds=np.inf), every[1]])
     assert [c.key for c in found.causes] == [1]
     assert found.mean[0] == pytest.approx(0.5, abs=0.2)
+
+
+def test_a_zero_of_one_recording_is_judged_by_its_parts(rng):
+    """What no other recording knows can not be predicted from it; a shared cause must be."""
+    columns = np.zeros((1200, 3))
+    columns[:, 0] = rng.standard_normal(1200)
+    columns[600:, 1] = 1.0  # a zero of the second recording
+    columns[:, 2] = rng.standard_normal(1200)
+    data = columns @ [0.5, 0.4, 0.0] + rng.standard_normal(1200)
+    blocks = GramBlocks(3)
+    for k, own in enumerate(np.split(np.arange(1200), 40)):
+        blocks.add(columns[own], data[own], recording=k // 20)
+    one, none = np.ones(1), np.zeros(1)
+    found = infer(
+        blocks,
+        [Hypothesis(key=k, columns=np.array([k]), slab=one, spike=none) for k in range(3)],
+    )
+    assert {c.key: len(c.gains) for c in found.causes} == {0: 2, 1: 6}

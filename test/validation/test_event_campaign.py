@@ -12,7 +12,7 @@ from support.diagnosis import hand_made
 from spacerobot_ros.diagnosis.events.event import Event, EventLimit, Events
 from spacerobot_ros.diagnosis.events.event_limits import KEPT_STEP
 from spacerobot_ros.diagnosis.events.impulse_fit import ImpulseFit
-from spacerobot_ros.diagnosis.events.impulse_split import pairs
+from spacerobot_ros.diagnosis.events.impulse_scan import pairs
 from spacerobot_ros.diagnosis.events.impulses import steps_beside_usual
 from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.noise_levels import noise_levels

@@ -193,22 +193,22 @@ def tables(results: Results) -> list[Table]:
     loops = [row for row in shown if row['fault'] in ('kills', 'starved')]
     return [
         table_of(
-            'Faults',
-            'estimate: largest error, and spread, in standard deviations of the undisturbed one; '
-            'memory: in the second half of the messages',
             [row for row in shown if row not in loops],
             'fault | of | tried | raised, or harmful | harmless | not finite | '
             'memory grown | estimate | not valid | alarms',
             '{fault} | {of} | {tried} | {ended} | {ends} | {not_finite} | {grown} | '
             '{estimate} | {invalid} | {alarms}',
+            'estimate: largest error, and spread, in standard deviations of the undisturbed one; '
+            'memory: in the second half of the messages',
+            'Faults',
         ),
         table_of(
-            'Processes killed and starved in the closed loop',
-            'largest of all; until valid: of the processor; until the joints follow: of the plant',
             loops,
             'fault | of | tried | wrong | until no effort [s] | until valid [s] | '
             'until the joints follow [s] | joint error from then on [deg]',
             '{fault} | {of} | {tried} | {ended} | {zero} | {known} | {following} | {error}',
+            'largest of all; until valid: of the processor; until the joints follow: of the plant',
+            'Processes killed and starved in the closed loop',
         ),
     ]
 

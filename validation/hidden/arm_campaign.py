@@ -21,7 +21,7 @@ from spacerobot_ros.diagnosis.arms.selection import Selection
 from spacerobot_ros.diagnosis.arms.arm_conclusion import conclude_arm
 from spacerobot_ros.diagnosis.arms.arms import find_arm_causes
 from spacerobot_ros.diagnosis.comparison.change_conclusion import conclude_changes
-from spacerobot_ros.diagnosis.comparison.compare import compare
+from spacerobot_ros.diagnosis.comparison.compare import changes_between
 from spacerobot_ros.display import Table, table_of
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.effect import Effect
@@ -149,20 +149,18 @@ def tables(results: Results) -> list[Table]:
 
 def _shares(scores: Mapping[str, Any]) -> Table:
     return table_of(
-        'Names',
-        'shares with their 95 % intervals (Wilson)',
         [{'kind': kind, **s, 'names': _listed(s['false_names'])} for kind, s in scores.items()],
         'asked | without a cause: with a name | false names | first name right | nothing else | '
         'within 3 std | rms error by std | too large to hide | median time [s]',
         '{kind} | {false} | {names} | {first} | {alone} | {within} | {spread:.2f} | {too_large} | '
         '{wall:.2g}',
+        'shares with their 95 % intervals (Wilson)',
+        'Names',
     )
 
 
 def _causes(kind: str, score: Mapping[str, Any]) -> Table:
     return table_of(
-        {'diagnose': 'Causes of one recording', 'compare': 'Changes between two'}[kind],
-        'hidden at three times the limit of each record; size: the median of what was hidden',
         [
             {**own, 'name': own['cause'].replace('_', ' '), 'for': _listed(own['taken_for'])}
             for own in score['causes']
@@ -171,6 +169,8 @@ def _causes(kind: str, score: Mapping[str, Any]) -> Table:
         'rms error by std',
         '{name} | {parameter} {size:.3g} {unit} | {first} | {missed} | {for} | {others} | '
         '{spread:.2f}',
+        'hidden at three times the limit of each record; size: the median of what was hidden',
+        {'diagnose': 'Causes of one recording', 'compare': 'Changes between two'}[kind],
     )
 
 
@@ -226,7 +226,7 @@ def _compared(seed: int, hidden: tuple[Effect, ...]) -> tuple[list[TrialRecord],
     """What is said to have changed between two recordings, and the choice."""
     file = arm_file()
     before, after = [RealArm(seed).record(0)], [RealArm(seed, hidden).record(1)]
-    found = compare(before, after, file.robot, file.effects)
+    found = changes_between(before, after, file.robot, file.effects)
     changes = conclude_changes(found).changes
     return [cause_record(c.effect, c.where, c.parameters, ()) for c in changes], found.selection
 

@@ -84,13 +84,13 @@ def _found(s: Scores) -> Table:
 
 def _limits(s: Scores) -> Table:
     return table_of(
-        'Detection limits',
-        'size at which twice the log likelihood grows by 30 on average, over robots, motions and '
-        'places',
         [{'effect': name, **limit} for name, limit in s['limits'].items()],
         'effect | parameter | median | least | most | matters from | unit | records',
         '{effect} | {parameter} | {median:.2g} | {least:.2g} | {most:.2g} | {relevant:.2g} | '
         '{unit} | {records}',
+        'size at which twice the log likelihood grows by 30 on average, over robots, motions and '
+        'places',
+        'Detection limits',
     )
 
 

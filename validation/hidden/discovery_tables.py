@@ -201,33 +201,33 @@ def tables(results: Results) -> list[Table]:
     form += '{transfer:.3f} | {worst:.2f}'
     return [
         table_of(
-            'Laws',
-            'variables of the law at its joint; R2 of its torque on another motion, where found; '
-            'shares with their 95 % intervals (Wilson)',
             s['groups'],
             f'laws | {columns}',
             '{group} | ' + form,
+            'variables of the law at its joint; R2 of its torque on another motion, where found; '
+            'shares with their 95 % intervals (Wilson)',
+            'Laws',
         ),
         table_of(
-            'Every law', '', s['laws'], f'law | ratio | {columns}', '{law} | {ratio:g} | ' + form
+            s['laws'], f'law | ratio | {columns}', '{law} | {ratio:g} | ' + form, title='Every law'
         ),
         table_of(
-            'Learned laws at work',
-            'tracking error by the law on another motion that a controller with the right law '
-            'removes, where it may be fed forward; all that was learned at three times the speed',
             s['applied'],
             'machines | fed forward | removed, median | tenth | learned | largest torque by the '
             'largest trained | power that friction feeds in',
             '{machines} | {fed_forward} | {removed:.2f} | {least:.2f} | {learned} | {beyond:.2f} '
             '| {fed_in:.2g}',
+            'tracking error by the law on another motion that a controller with the right law '
+            'removes, where it may be fed forward; all that was learned at three times the speed',
+            'Learned laws at work',
         ),
         table_of(
-            'Machines without a law',
-            "laws or clocks claimed at any of their joints, and at other joints than the law's",
             [{**s, 'claims': _listed(s['false_claims'])}],
             'with a law | which | with a function of time | a law, and a claim elsewhere | '
             'median time [s]',
             '{false} | {claims} | {timed} | {beside} | {wall:.2g}',
+            "laws or clocks claimed at any of their joints, and at other joints than the law's",
+            'Machines without a law',
         ),
     ]
 

@@ -172,8 +172,6 @@ def tables(results: Results) -> list[Table]:
     nominal, faults = results['monitor']['nominal'], results['monitor']['faults']
     return [
         table_of(
-            'Nominal flight',
-            'evidence over threshold: an alarm is raised at 1',
             [
                 {'robot': robot, **own, 'percent': 100.0 * own['share_of_a_core']}
                 for robot, own in nominal.items()
@@ -181,10 +179,10 @@ def tables(results: Results) -> list[Table]:
             'robot | flights | hours | alarms | largest evidence | share of a core [%]',
             '{robot} | {flights} | {hours:.3g} | {alarms} | {largest_evidence:.2f} | '
             '{percent:.0f}',
+            'evidence over threshold: an alarm is raised at 1',
+            'Nominal flight',
         ),
         table_of(
-            'Faults',
-            'medians, from onset and end of the fault, by the time of the data',
             [
                 {**own, 'name': own['fault'].replace('_', ' '), 'spoke': ', '.join(own['first'])}
                 for own in faults
@@ -192,5 +190,7 @@ def tables(results: Results) -> list[Table]:
             'robot | fault | size | raised | delay [s] | ended after [s] | spoke first',
             '{robot} | {name} | {size:g} {unit} | {raised} of {flights} | {delay:.0f} | '
             '{cleared:.0f} | {spoke}',
+            'medians, from onset and end of the fault, by the time of the data',
+            'Faults',
         ),
     ]

@@ -207,7 +207,7 @@ def noisy(flight: Any, rng: np.random.Generator) -> Any:
 def identified(seed: int, off: float, method: str = 'ml') -> dict[str, Any]:
     """One flight, flown and identified."""
     from spacerobot_ros.effects.robot_file import load_robot_file
-    from spacerobot_ros.identification.batch import identify_robot
+    from spacerobot_ros.identification.batch import identify
     from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries, Record
 
     bodies, momenta, rng = draw(seed)
@@ -236,7 +236,7 @@ def identified(seed: int, off: float, method: str = 'ml') -> dict[str, Any]:
         attitudes=AttitudeSeries(np.round(tracked * 1e9).astype(np.int64), xyzw),
     )
     begun = time.process_time()
-    estimate = identify_robot(record, file.robot, file.settings.identifier, method).estimate
+    estimate = identify(record, file.robot, file.settings.identifier, method).estimate
     h, error = momenta['target'], estimate.aam - momenta['target']
     return {
         'seed': seed,

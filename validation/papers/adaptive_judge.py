@@ -12,10 +12,10 @@ import numpy as np
 import pinocchio as pin
 
 from spacerobot_ros.control.adaptive.regressors import Regressors, parameter_values
+from spacerobot_ros.dynamics.pinocchio_model import in_pinocchio
 from spacerobot_ros.types import Array
 
 from ..campaigns import Check, Results, TrialRecord
-from ..pinocchio_peer import peer
 from .adaptive_run import minisat
 
 _STATES = 100
@@ -44,7 +44,7 @@ def identities(seed: int = 0) -> dict[str, float]:
         rank_without_force: With the paper's seven.
     """
     robot = minisat()
-    model, regressors, pi = peer(robot).model, Regressors(robot), parameter_values(robot)
+    model, regressors, pi = in_pinocchio(robot).model, Regressors(robot), parameter_values(robot)
     data, rng = model.createData(), np.random.default_rng(seed)
     worst, rows = np.zeros(4), []
     for _ in range(_STATES):

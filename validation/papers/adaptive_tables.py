@@ -63,13 +63,13 @@ def _orientation(results: Results) -> Table:
 
 def _lambdas(results: Results) -> Table:
     return table_of(
-        'Lambda sweep',
-        'contradicts the paper ("smaller Lambda: faster response and greater overshoot"): the '
-        'poles -Lambda and -kappa are real, a larger Lambda is faster and never overshoots until '
-        'sampling makes it',
         select(results, 'lambda'),
         'Lambda [1/s] | below 0.1 deg [s] | rebound [deg] | peak torque [N m]',
         '{key[1]:g} | {settling_s:.2f} | {rebound_deg:.3f} | {peak_torque:.2f}',
+        'contradicts the paper ("smaller Lambda: faster response and greater overshoot"): the '
+        'poles -Lambda and -kappa are real, a larger Lambda is faster and never overshoots until '
+        'sampling makes it',
+        'Lambda sweep',
     )
 
 
@@ -138,12 +138,12 @@ def _sampling(results: Results) -> Table:
         cells = {kind: _last(select(results, 'sampling', *of, kind)) for kind in ('true', 'iid')}
         rows.append({'of': of, 'pole': (1.0 + of[1]) * of[0], **cells})
     return table_of(
-        'Sampling limit',
-        'largest attitude error of the last 10 s [deg], kappa = 1/s: oscillation and divergence '
-        'come from sampling, not from wrong parameters',
         rows,
         'period [s] | Lambda [1/s] | (kappa + Lambda) T | true | 40 % priors',
         '{of[0]:g} | {of[1]:g} | {pole:.2f} | {true} | {iid}',
+        'largest attitude error of the last 10 s [deg], kappa = 1/s: oscillation and divergence '
+        'come from sampling, not from wrong parameters',
+        'Sampling limit',
     )
 
 
@@ -155,18 +155,17 @@ def _last(runs: Sequence[TrialRecord]) -> str:
 
 def _periods_and_times(results: Results) -> list[Table]:
     periods = table_of(
-        'Floor against the control period, true parameters',
-        '',
         select(results, 'period'),
         'period [s] | attitude RMS [deg] | joints RMS [deg]',
         '{key[1]:g} | {attitude_rms_deg:.5f} | {joint_rms_deg:.5f}',
+        title='Floor against the control period, true parameters',
     )
     times = table_of(
-        'Time of a control cycle',
-        'measurement in, torques out, from Python on one core; the paper: about 100 us in Matlab',
         results['cycle_us'],
         'law | consistency | cycle [us]',
         '{law} | {physical_consistency} | {median:.1f}',
+        'measurement in, torques out, from Python on one core; the paper: about 100 us in Matlab',
+        'Time of a control cycle',
     )
     return [periods, times]
 

@@ -125,13 +125,13 @@ def tables(results: Results) -> list[Table]:
     ]
     return [
         table_of(
-            'Coverage campaign',
-            '95 % intervals; a single component of n runs scatters by 0.22/sqrt(n)',
             rows,
             'axes | method | runs | covered AAM | parameters | single, from | to | '
             'RMSE/bound AAM | parameters | bias/RMSE | chi2/dof',
             '{axes} | {method} | {runs} | {mean AAM:.3f} | {mean parameters:.3f} | '
             '{least:.3f} | {most:.3f} | {rms AAM:.3g} | {rms parameters:.3g} | {bias:.3g} | '
             '{chi2_per_dof:.3f}',
+            '95 % intervals; a single component of n runs scatters by 0.22/sqrt(n)',
+            'Coverage campaign',
         )
     ]

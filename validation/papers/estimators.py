@@ -205,7 +205,7 @@ def estimate(record: Record, case: Scenario, scale: float, method: str) -> Estim
     rows = case.believed.inertial_parameters * _WRONG[:, None]
     believed = replace(case.believed.with_inertial_parameters(rows), sensors=noise_of(scale))
     settings = replace(case.identifier, solve_period=2.0)
-    return identify(record, believed, settings, method)
+    return identify(record, believed, settings, method).estimate
 
 
 def bound_of(axes: str, scale: float = 1.0, attitude_every: int = 1) -> Array:

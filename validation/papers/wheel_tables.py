@@ -37,18 +37,16 @@ def tables(results: Results) -> list[Table]:
 
 def _without_noise(rows: Sequence[TrialRecord]) -> list[Table]:
     conditions = table_of(
-        'Minimal sets and condition numbers',
-        f'the paper prints {paper.UNKNOWNS} unknowns (k = {paper.UNKNOWNS - 3}), neither axes nor '
-        'condition numbers; ref.: our notes',
         rows,
         'axes | set | start | k | ref. | cond(A) | ref. | unit columns | ref.',
         '{axes} | {structure} | {start} | {k} | {reference[k]} | {condition[raw]:.4g} | '
         '{reference[raw]:.4g} | {condition[unit_columns]:.4g} | {reference[unit_columns]:.4g}',
+        f'the paper prints {paper.UNKNOWNS} unknowns (k = {paper.UNKNOWNS - 3}), neither axes nor '
+        'condition numbers; ref.: our notes',
+        'Minimal sets and condition numbers',
     )
     paper_has = ('symmetric', 'moving')
     errors = table_of(
-        'Identification without noise',
-        'largest relative error [%]; AAM left out: median error of the base parameters [%]',
         [
             {
                 **r,
@@ -62,15 +60,14 @@ def _without_noise(rows: Sequence[TrialRecord]) -> list[Table]:
         'axes | set | start | momentum-int. | forward-int. | paper | AAM left out',
         '{axes} | {structure} | {start} | {max_error_percent[momentum_integrated]:.1e} | '
         '{max_error_percent[forward_integrated]:.1e} | {printed:.0e} | {wrong:.0f}',
+        'largest relative error [%]; AAM left out: median error of the base parameters [%]',
+        'Identification without noise',
     )
     return [conditions, errors]
 
 
 def _table_iii(axes: str, rows: Sequence[TrialRecord]) -> Table:
     return table_of(
-        f'Table III, axes {axes}',
-        'relative errors [%]: the paper\'s "no noise" and "noise", ours beside; noise '
-        f"x {paper.TABLE_SCALE:g}, seed 0; from the 4th row on the paper's order is unknown",
         rows,
         'ours | paper | no noise | mom.-int. | fwd-int. | noise | LS (26) | LS | recursive | ML',
         '{name} | {paper_label} | {paper_error_percent:.0e} | '
@@ -78,21 +75,24 @@ def _table_iii(axes: str, rows: Sequence[TrialRecord]) -> Table:
         '{paper_error_with_noise_percent:.2f} | {with_noise_percent[paper]:.3f} | '
         '{with_noise_percent[ls]:.3f} | {with_noise_percent[recursive]:.3f} | '
         '{with_noise_percent[ml]:.3f}',
+        'relative errors [%]: the paper\'s "no noise" and "noise", ours beside; noise '
+        f"x {paper.TABLE_SCALE:g}, seed 0; from the 4th row on the paper's order is unknown",
+        f'Table III, axes {axes}',
     )
 
 
 def _estimators(scores: Sequence[TrialRecord]) -> Table:
     runs = scores[0]['runs'] if scores else 0
     return table_of(
-        'Estimators against the Cramer-Rao bound',
-        'RMSE over the bound (AAM, base parameters), of the AAM over the bound of the linear set, '
-        f'|bias| over RMSE, worst RMSE of the AAM; {runs} runs each '
-        f'(1/sqrt(runs) = {1.0 / np.sqrt(max(runs, 1)):.2f}); ref.: 30-50 runs',
         [{**s, 'name': _METHODS[s['method']], 'aam': max(s['aam_rmse_percent'])} for s in scores],
         'axes | noise | method | AAM | base | AAM, linear | ref. | |bias| | ref. | AAM [%] | chi2',
         '{axes} | {noise_scale:g} | {name} | {aam_over_bound:.3g} | {base_over_bound:.3g} | '
         '{aam_over_linear_bound:.3g} | {reference[aam_over_linear_bound]:.3g} | '
         '{bias_over_rmse:.2f} | {reference[bias_over_rmse]:.3g} | {aam:.2g} | {chi2_per_dof:.3f}',
+        'RMSE over the bound (AAM, base parameters), of the AAM over the bound of the linear set, '
+        f'|bias| over RMSE, worst RMSE of the AAM; {runs} runs each '
+        f'(1/sqrt(runs) = {1.0 / np.sqrt(max(runs, 1)):.2f}); ref.: 30-50 runs',
+        'Estimators against the Cramer-Rao bound',
     )
 
 
@@ -106,30 +106,27 @@ def _bounds(bounds: Sequence[TrialRecord]) -> Table:
         median = float(np.median(percent[3:]))
         rows.append({**bound, 'h': percent, 'median': median, 'aam': wanted, 'base': scale * base})
     return table_of(
-        'Cramer-Rao bound',
-        'smallest standard deviation of any unbiased estimate of bodies [%]; linear set: our '
-        'notes, for numbers that are freer than bodies',
         rows,
         'axes | noise | h_x | h_y | h_z | base median | AAM, linear set | base, linear set',
         '{axes} | {noise_scale:g} | {h[0]:.3g} | {h[1]:.3g} | {h[2]:.3g} | {median:.3g} | '
         '{aam} | {base:.3g}',
+        'smallest standard deviation of any unbiased estimate of bodies [%]; linear set: our '
+        'notes, for numbers that are freer than bodies',
+        'Cramer-Rao bound',
     )
 
 
 def _tracking(results: Results) -> list[Table]:
     known = table_of(
-        'Tracking: largest errors over 20 s',
-        'law evaluated in continuous time; the paper: "almost 8 degrees" and 0.9 m, no gains',
         [{**run, 'name': _LAWS[run['law']]} for run in results['tracking']],
         'axes | plant | law | rad/s | joint [deg] | ref. | end effector [m] | ref.',
         '{axes} | {plant} | {name} | {bandwidth:g} | {max_joint_error_deg:.3g} | '
         '{reference[max_joint_error_deg]:.3g} | {max_end_effector_error_m:.3g} | '
         '{reference[max_end_effector_error_m]:.3g}',
+        'law evaluated in continuous time; the paper: "almost 8 degrees" and 0.9 m, no gains',
+        'Tracking: largest errors over 20 s',
     )
     soft = table_of(
-        f'Gains so soft that the error is {paper.TRACKING_ERROR_DEG:g} degrees',
-        f'law without AAM; the paper: {paper.TRACKING_ERROR_DEG:g} deg and '
-        f'{paper.TRACKING_ERROR_M:g} m',
         [
             {**r, 'Kp': r['bandwidth'] ** 2, 'Kd': 2.0 * r['bandwidth']}
             for r in results['soft_gains']
@@ -137,6 +134,9 @@ def _tracking(results: Results) -> list[Table]:
         'axes | plant | rad/s | Kp | Kd | joint [deg] | end effector [m]',
         '{axes} | {plant} | {bandwidth:.2f} | {Kp:.2f} | {Kd:.2f} | {max_joint_error_deg:.2f} | '
         '{max_end_effector_error_m:.2f}',
+        f'law without AAM; the paper: {paper.TRACKING_ERROR_DEG:g} deg and '
+        f'{paper.TRACKING_ERROR_M:g} m',
+        f'Gains so soft that the error is {paper.TRACKING_ERROR_DEG:g} degrees',
     )
     without = {
         run['axes']: run['max_joint_error_deg']
@@ -145,8 +145,6 @@ def _tracking(results: Results) -> list[Table]:
     }
     nothing = {'max_joint_error_deg': None, 'max_end_effector_error_m': None}
     identified = table_of(
-        'Tracking with identified parameters',
-        'corrected law at 1 rad/s, parameters from one record at noise x 1',
         [
             {**nothing, **r, 'name': _METHODS[r['method']], 'without': without[r['axes']]}
             for r in results['tracking_identified']
@@ -154,6 +152,8 @@ def _tracking(results: Results) -> list[Table]:
         'axes | identified by | joint [deg] | end effector [m] | no AAM [deg]',
         '{axes} | {name} | {max_joint_error_deg:.3g} | {max_end_effector_error_m:.2g} | '
         '{without:.3g}',
+        'corrected law at 1 rad/s, parameters from one record at noise x 1',
+        'Tracking with identified parameters',
     )
     return [known, soft, identified]
 

@@ -28,10 +28,8 @@ from ..orders.orders import find_orders
 from .arm_found import WORSE, ArmFound, still_words, touched_notes
 from .arm_spread import values_std, whole_std
 from .arm_verdict import Left, laws_that_matter, overall, sentence
-from .driving_notes import driving_notes
 from .fitted_arm import GAIN
 from .friction_law import friction_laws
-from .gain_notes import gain_notes
 from .ratios import ratios, scale_notes
 from .spring_rest import with_rests
 from .two_directions import direction_notes, with_directions
@@ -88,9 +86,7 @@ def conclude_arm(
         notes=(
             *notes,
             *touched_notes(found.fit.rows.balances),
-            *gain_notes(found, left),
             *scale_notes(found),
-            *driving_notes(found, left),
             *direction_notes(named, found.robot),
         ),
         calibration=(*(c.applied for c in minor), *found.calibration),
