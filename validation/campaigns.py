@@ -1,8 +1,16 @@
-"""What a campaign is, and which there are.
+"""The harness of all campaigns: draw, simulate, ask, score, show; and which campaigns there are.
 
-A campaign draws trials, runs each to a plain JSON record, judges all records and shows them as
-tables and drawings. A trial is its key, a text that holds all that it depends on, its seed too:
-its record is the same in whatever order, on however many processes.
+A campaign's entry is in `campaigns.yaml`, its tables are in `tables/NAME.yaml`. Its module has
+
+- `trials(runs, is_quick)`: the keys of all trials; the longest first keeps all processes busy;
+- `run(key)`: the record of a trial, plain JSON data without its key;
+- `results(records)`: what the finished trials come to; not all need be there;
+- `judge(results)`: the figures to reach that could be computed, as `Check`;
+- `shown(results)`, where tables need more: the results with what they show;
+- `drawings(records, results)`, where something is drawn.
+
+A trial is its key, a text that holds all that it depends on, its seed too: its record is the same
+in whatever order, on however many processes.
 """
 
 from __future__ import annotations
@@ -13,12 +21,15 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Protocol, TypeVar, cast
+from types import ModuleType
+from typing import Any, TypeVar
 
 from spacerobot_ros.batch.runner import Finished, Kept, Tasks, TrialRecord, complete
 from spacerobot_ros.batch.workers import Workers
 from spacerobot_ros.display import Section, Table
 from spacerobot_ros.model.files import read_yaml
+
+from .tables import tables_of
 
 _T = TypeVar('_T')
 _HERE = Workers()
@@ -54,25 +65,6 @@ class Check:
         return {**asdict(self), 'is_met': self.is_met}
 
 
-class Experiment(Protocol):
-    """What a campaign's module has."""
-
-    def trials(self, runs: int, is_quick: bool) -> list[str]:
-        """Keys of all trials; the longest first keeps all processes busy to the end."""
-
-    def run(self, key: str) -> TrialRecord:
-        """The record of a trial, without its key."""
-
-    def results(self, records: Sequence[TrialRecord]) -> Results:
-        """What the finished trials come to; not all need be there."""
-
-    def judge(self, results: Results) -> list[Check]:
-        """The figures to reach that could be computed."""
-
-    def tables(self, results: Results) -> list[Table]:
-        """What is shown, in order."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Campaign:
     """A campaign.
@@ -80,12 +72,13 @@ class Campaign:
     Args:
         name: Of the sub-command, or of the campaign in it.
         help: What it does.
-        module: Of this folder, or `.ROOM.NAME` where it needs ROS: an `Experiment`.
+        module: Of this folder.
         title: Of the page. subtitle: One line below it.
         runs: Number of runs; what it means, the help of `--runs` says. quick_runs: With `--quick`.
         headlines: Pattern of the figures that the page shows first.
         is_kept: Whether records are kept, to go on where it stopped, and tables stand in a file
             beside the page.
+        described: Name of the file of tables where it is another campaign's.
         alone: Beginnings of keys that are run before other processes compete.
     """
 
@@ -98,7 +91,8 @@ class Campaign:
     quick_runs: int
     headlines: str = ''
     is_kept: bool = False
-    alone: tuple[str, ...] = ()
+    described: str = ''
+    alone: Sequence[str] = ()
 
     @property
     def file(self) -> str:
@@ -110,14 +104,18 @@ class Campaign:
         """File with all tables; empty: none."""
         return f'{self.name}.md' if self.is_kept else ''
 
-    def load(self) -> Experiment:
+    def load(self) -> ModuleType:
         """The campaign's functions; imports what is heavy."""
-        return cast(Experiment, import_module(f'.{self.module}', __package__))
+        return import_module(f'.{self.module}', __package__)
+
+    def tables(self, results: Results) -> list[Table]:
+        """What is shown, in order."""
+        shown = getattr(self.load(), 'shown', lambda found: found)
+        return tables_of(self.described or self.name, shown(results))
 
     def drawings(self, records: Sequence[TrialRecord], results: Results) -> list[Section]:
-        """What is drawn, in order; a module that draws has a function of this name."""
-        draw = getattr(self.load(), 'drawings', None)
-        return draw(records, results) if draw else []
+        """What is drawn, in order."""
+        return getattr(self.load(), 'drawings', lambda *_: [])(records, results)
 
 
 def finish(
@@ -130,7 +128,7 @@ def finish(
 ) -> Finished:
     """Run the trials of a campaign that a folder lacks; the folder exists, else as `complete`."""
     kept = Kept(folder / campaign.file if campaign.file else None)
-    tasks = Tasks(run=campaign.load().run, kept=kept, alone=campaign.alone)
+    tasks = Tasks(run=campaign.load().run, kept=kept, alone=tuple(campaign.alone))
     return complete(tasks, keys, workers, done, minutes)
 
 
@@ -157,12 +155,8 @@ def without(record: TrialRecord, *names: str) -> TrialRecord:
     return {name: value for name, value in record.items() if name not in names}
 
 
-def _described(name: str, values: dict[str, Any]) -> Campaign:
-    return Campaign(name=name, **{**values, 'alone': tuple(values.get('alone', ()))})
-
-
 CAMPAIGNS = {
-    name: _described(name, values)
+    name: Campaign(name=name, **values)
     for name, values in read_yaml(Path(__file__).with_name('campaigns.yaml'), 'campaigns').items()
 }
 """By name, as `campaigns.yaml` has them."""

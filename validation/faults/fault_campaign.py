@@ -9,7 +9,6 @@ from functools import partial
 
 import numpy as np
 
-from spacerobot_ros.display import Table, table_of
 from spacerobot_ros.nodes.program import NODES
 from spacerobot_ros.ros.convert import estimate_message
 from spacerobot_ros.ros.session import Session
@@ -174,43 +173,19 @@ def judge(results: Results) -> list[Check]:
     return out
 
 
-def tables(results: Results) -> list[Table]:
+def shown(results: Results) -> Results:
     """Messages, streams and files; and what is done to processes."""
-    shown = [
+    rows = [
         {
             **row,
             'ended': _listed(row['raised']) or _listed(row['harmful']) or '-',
             'ends': _listed(row['harmless']) or '-',
             'estimate': '-' if row['off'] is None else f'{row["off"]:.2f}, {row["spread"]:.2f}',
-            **{
-                name: '-' if row[name] is None else f'{row[name]:.3g}'
-                for name in ('zero', 'known', 'following', 'error')
-            },
-            'grown': '-' if row['grown'] is None else f'{row["grown"]:.1%}',
         }
         for row in results['faults']
     ]
-    loops = [row for row in shown if row['fault'] in ('kills', 'starved')]
-    return [
-        table_of(
-            'Faults',
-            'estimate: largest error, and spread, in standard deviations of the undisturbed one; '
-            'memory: in the second half of the messages',
-            [row for row in shown if row not in loops],
-            'fault | of | tried | raised, or harmful | harmless | not finite | '
-            'memory grown | estimate | not valid | alarms',
-            '{fault} | {of} | {tried} | {ended} | {ends} | {not_finite} | {grown} | '
-            '{estimate} | {invalid} | {alarms}',
-        ),
-        table_of(
-            'Processes killed and starved in the closed loop',
-            'largest of all; until valid: of the processor; until the joints follow: of the plant',
-            loops,
-            'fault | of | tried | wrong | until no effort [s] | until valid [s] | '
-            'until the joints follow [s] | joint error from then on [deg]',
-            '{fault} | {of} | {tried} | {ended} | {zero} | {known} | {following} | {error}',
-        ),
-    ]
+    loops = [row for row in rows if row['fault'] in ('kills', 'starved')]
+    return {'loops': loops, 'others': [row for row in rows if row not in loops]}
 
 
 def _listed(counts: dict[str, int]) -> str:

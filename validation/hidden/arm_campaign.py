@@ -11,7 +11,7 @@ import json
 import math
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from operator import itemgetter
 from typing import Any
 
@@ -22,7 +22,6 @@ from spacerobot_ros.diagnosis.arms.arms import find_arm_causes
 from spacerobot_ros.diagnosis.arms.selection import Selection
 from spacerobot_ros.diagnosis.comparison.change_conclusion import conclude_changes
 from spacerobot_ros.diagnosis.comparison.compare import compare
-from spacerobot_ros.display import Table, table_of
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.effect import Effect
 from spacerobot_ros.estimation.columns import Candidate
@@ -46,6 +45,7 @@ _WORDS = {
     'diagnose': ('machines without a cause with a name', 'causes named first'),
     'compare': ('unchanged machines with a change', 'changes named first'),
 }
+_TITLES = {'diagnose': 'Causes of one recording', 'compare': 'Changes between two'}
 
 
 def results(records: Sequence[TrialRecord]) -> Results:
@@ -141,41 +141,9 @@ def judge(results: Results) -> list[Check]:
     return out
 
 
-def tables(results: Results) -> list[Table]:
-    """Shares of all, then every cause."""
-    s = results['arms']
-    return [_shares(s), *(_causes(kind, own) for kind, own in s.items())]
-
-
-def _shares(scores: Mapping[str, Any]) -> Table:
-    return table_of(
-        'Names',
-        'shares with their 95 % intervals (Wilson)',
-        [{'kind': kind, **s, 'names': _listed(s['false_names'])} for kind, s in scores.items()],
-        'asked | without a cause: with a name | false names | first name right | nothing else | '
-        'within 3 std | rms error by std | too large to hide | median time [s]',
-        '{kind} | {false} | {names} | {first} | {alone} | {within} | {spread:.2f} | {too_large} | '
-        '{wall:.2g}',
-    )
-
-
-def _causes(kind: str, score: Mapping[str, Any]) -> Table:
-    return table_of(
-        {'diagnose': 'Causes of one recording', 'compare': 'Changes between two'}[kind],
-        'hidden at three times the limit of each record; size: the median of what was hidden',
-        [
-            {**own, 'name': own['cause'].replace('_', ' '), 'for': _listed(own['taken_for'])}
-            for own in score['causes']
-        ],
-        'cause | size | first name right | nothing named | taken for | others beside it | '
-        'rms error by std',
-        '{name} | {parameter} {size:.3g} {unit} | {first} | {missed} | {for} | {others} | '
-        '{spread:.2f}',
-    )
-
-
-def _listed(counts: Mapping[str, int]) -> str:
-    return ', '.join(f'{name.replace("_", " ")} {n}' for name, n in counts.items()) or '-'
+def shown(results: Results) -> Results:
+    """With the titles of tables."""
+    return {'arms': {kind: {'title': _TITLES[kind], **s} for kind, s in results['arms'].items()}}
 
 
 MULTIPLE = 3.0

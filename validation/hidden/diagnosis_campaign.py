@@ -29,7 +29,7 @@ from spacerobot_ros.recording.record import Record
 
 from ..campaigns import TrialRecord, grouped
 from .diagnosis_campaign_tables import drawings as drawings
-from .diagnosis_campaign_tables import tables as tables
+from .diagnosis_campaign_tables import shown as shown
 from .diagnosis_draw import drawn, places
 from .diagnosis_judge import NOT_SIMULATED, REFUSED, cause_record
 from .diagnosis_scenario import DURATION, truth_of

@@ -24,7 +24,7 @@ from spacerobot_ros.types import Array
 from ..campaigns import TrialRecord, key
 from .discovery_tables import judge as judge
 from .discovery_tables import results as results
-from .discovery_tables import tables as tables
+from .discovery_tables import shown as shown
 from .hidden_laws import COLOURS, INSIDE, LAWS, LawArm, variables_of
 from .law_flights import FIELD, FIXED, FLOWN, FREE, LawFlight, beyond
 from .real_arm import JOINTS, arm_file

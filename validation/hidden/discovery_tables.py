@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-
-from spacerobot_ros.display import Table, table_of
 
 from ..campaigns import Check, Results, TrialRecord, grouped
 from ..shares import share_of
@@ -192,45 +190,7 @@ def judge(results: Results) -> list[Check]:
     return out
 
 
-def tables(results: Results) -> list[Table]:
-    """Groups, laws, machines without one."""
-    s = results['discovery']
-    columns = 'variables right | of a law, of a cause | wrong | of a law, of a cause | '
-    columns += "the noise's own line | median R2 | tenth"
-    form = '{right} | {own}, {named} | {wrong} | {false}, {misnamed} | {line} | '
-    form += '{transfer:.3f} | {worst:.2f}'
-    return [
-        table_of(
-            'Laws',
-            'variables of the law at its joint; R2 of its torque on another motion, where found; '
-            'shares with their 95 % intervals (Wilson)',
-            s['groups'],
-            f'laws | {columns}',
-            '{group} | ' + form,
-        ),
-        table_of(
-            'Every law', '', s['laws'], f'law | ratio | {columns}', '{law} | {ratio:g} | ' + form
-        ),
-        table_of(
-            'Learned laws at work',
-            'tracking error by the law on another motion that a controller with the right law '
-            'removes, where it may be fed forward; all that was learned at three times the speed',
-            s['applied'],
-            'machines | fed forward | removed, median | tenth | learned | largest torque by the '
-            'largest trained | power that friction feeds in',
-            '{machines} | {fed_forward} | {removed:.2f} | {least:.2f} | {learned} | {beyond:.2f} '
-            '| {fed_in:.2g}',
-        ),
-        table_of(
-            'Machines without a law',
-            "laws or clocks claimed at any of their joints, and at other joints than the law's",
-            [{**s, 'claims': _listed(s['false_claims'])}],
-            'with a law | which | with a function of time | a law, and a claim elsewhere | '
-            'median time [s]',
-            '{false} | {claims} | {timed} | {beside} | {wall:.2g}',
-        ),
-    ]
-
-
-def _listed(claims: Iterable[Sequence[str | None]]) -> str:
-    return '; '.join(', '.join(str(word) for word in claim) for claim in claims) or '-'
+def shown(results: Results) -> Results:
+    """With false claims as text."""
+    claims = (', '.join(map(str, claim)) for claim in results['discovery']['false_claims'])
+    return {**results, 'claims': '; '.join(claims) or '-'}

@@ -18,7 +18,6 @@ import numpy as np
 
 from spacerobot_ros.diagnosis.events.event import Event, Events, PossibleEvent
 from spacerobot_ros.diagnosis.events.event_limits import SNR
-from spacerobot_ros.display import Table, table_of
 
 from ..campaigns import Check, Results, TrialRecord, grouped, key
 from ..shares import share_of
@@ -99,32 +98,6 @@ def judge(results: Results) -> list[Check]:
     return out + [
         Check(f'{q["machines"]}: false events an hour', q['per_hour'], *_FALSE)
         for q in results['events']['quiet']
-    ]
-
-
-def tables(results: Results) -> list[Table]:
-    """Pulses, then quiet recordings."""
-    return [
-        table_of(
-            'Pulses',
-            'of 0.3 to 2 s, by the standard deviation of the same machine in quiet; of joints '
-            'that stand by the limit that is printed; shares with their 95 % intervals (Wilson); '
-            'noise alone leaves the last of the size (rms, times known), median of all pulses',
-            results['events']['groups'],
-            'machines, size | named | why not | middle off, median, 95 % [s]; '
-            '95 % by its deviation | size off, median, 95 % | by noise alone',
-            '{what} | {named} | {reasons} | {off_50:.3f}, {off_95:.3f}; {by_std_95:.1f} | '
-            '{error_50:.1%}, {error_95:.1%} | {allowed_50:.1%}',
-        ),
-        table_of(
-            'Quiet recordings',
-            'events named where nothing was hidden; beside pulses: those that are none of them',
-            results['events']['quiet'],
-            'machines | recordings | hours | named | an hour | largest z | named beside pulses | '
-            'not judged',
-            '{machines} | {records} | {hours:.2f} | {false} | {per_hour:.1f} | {largest:.1f} | '
-            '{beside} | {unjudged}',
-        ),
     ]
 
 

@@ -10,8 +10,6 @@ from operator import itemgetter
 
 import numpy as np
 
-from spacerobot_ros.display import Table, table_of
-
 from ..campaigns import Check, Results, TrialRecord, grouped, key
 from .monitor_flights import FAULTS, Flight, in_flight, monitor_of, watch
 
@@ -165,32 +163,3 @@ def judge(results: Results) -> list[Check]:
         if own['size'] == FAULTS[own['fault']].sizes[-1]
     ]
     return out
-
-
-def tables(results: Results) -> list[Table]:
-    """Nominal flight, and faults."""
-    nominal, faults = results['monitor']['nominal'], results['monitor']['faults']
-    return [
-        table_of(
-            'Nominal flight',
-            'evidence over threshold: an alarm is raised at 1',
-            [
-                {'robot': robot, **own, 'percent': 100.0 * own['share_of_a_core']}
-                for robot, own in nominal.items()
-            ],
-            'robot | flights | hours | alarms | largest evidence | share of a core [%]',
-            '{robot} | {flights} | {hours:.3g} | {alarms} | {largest_evidence:.2f} | '
-            '{percent:.0f}',
-        ),
-        table_of(
-            'Faults',
-            'medians, from onset and end of the fault, by the time of the data',
-            [
-                {**own, 'name': own['fault'].replace('_', ' '), 'spoke': ', '.join(own['first'])}
-                for own in faults
-            ],
-            'robot | fault | size | raised | delay [s] | ended after [s] | spoke first',
-            '{robot} | {name} | {size:g} {unit} | {raised} of {flights} | {delay:.0f} | '
-            '{cleared:.0f} | {spoke}',
-        ),
-    ]

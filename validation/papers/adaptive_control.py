@@ -15,7 +15,7 @@ from .adaptive_judge import identities
 from .adaptive_judge import judge as judge
 from .adaptive_run import TIMED, LoopCase, cycle_time, run_case
 from .adaptive_tables import drawings as drawings
-from .adaptive_tables import tables as tables
+from .adaptive_tables import shown as shown
 
 LAWS = (
     ('passivity', 'none'),

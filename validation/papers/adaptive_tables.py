@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import ItemsView, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from spacerobot_ros.display import Curve, Panel, Plot, Section, Table, table_of
+from spacerobot_ros.display import Curve, Panel, Plot, Section
 
 from ..campaigns import Results, TrialRecord, grouped
 from .adaptive_judge import mean_base_errors, median, or_infinite, select, worst
@@ -20,19 +20,36 @@ _PLOTTED = (
 )
 
 
-def tables(results: Results) -> list[Table]:
-    """Every experiment."""
-    return [
-        _orientation(results),
-        _lambdas(results),
-        _harmonic(results, 'iid', 'element-wise'),
-        _harmonic(results, 'physical', 'physical'),
-        _unmeasured(results),
-        _inertia(results),
-        _noise(results),
-        _sampling(results),
-        *_periods_and_times(results),
-    ]
+def shown(results: Results) -> Results:
+    """With rows of the tables, one a group of runs."""
+    true = worst(select(results, 'harmonic', 'true', 0.0, 'passivity'))
+    kinds = {'element-wise': 'iid', 'physical': 'physical'}
+    harmonic = {name: _harmonic(results, kind) for name, kind in kinds.items()}
+    return {
+        **results,
+        **{kind: select(results, kind) for kind in ('lambda', 'period')},
+        'orientation': _rows(results, 'orientation', slice(1, 3), _orientation),
+        'harmonic': {n: {'floor': _pair(true), 'rows': rows} for n, rows in harmonic.items()},
+        'unmeasured': _rows(results, 'unmeasured', slice(1, 2), _spread),
+        'inertia': {law[0]: {'cells': _inertia(results, law)} for law in _PLOTTED},
+        'noise': _rows(results, 'noise', slice(1, 4), _noise),
+        'sampling': [
+            {'of': of, 'pole': (1.0 + of[1]) * of[0]}
+            | {k: _last(select(results, 'sampling', *of, k)) for k in ('true', 'iid')}
+            for of in _groups(results, 'sampling', slice(1, 3))
+        ],
+    }
+
+
+def _groups(results: Results, kind: str, parts: slice) -> dict[Any, list[TrialRecord]]:
+    """Runs of an experiment by some parts of their keys, in the order of the trials."""
+    return grouped(select(results, kind), lambda run: tuple(run['key'][parts]))
+
+
+def _rows(
+    results: Results, kind: str, parts: slice, row: Callable[[list[TrialRecord]], TrialRecord]
+) -> list[TrialRecord]:
+    return [{'of': of, **row(runs)} for of, runs in _groups(results, kind, parts).items()]
 
 
 def _pair(values: tuple[float, float]) -> str:
@@ -41,134 +58,49 @@ def _pair(values: tuple[float, float]) -> str:
     return f'{values[0]:.4f} / {values[1]:.4f}'
 
 
-def _groups(results: Results, kind: str, parts: slice) -> ItemsView[Any, list[TrialRecord]]:
-    """Runs of an experiment by some parts of their keys, in the order of the trials."""
-    return grouped(select(results, kind), lambda run: tuple(run['key'][parts])).items()
+def _spread(runs: list[TrialRecord]) -> TrialRecord:
+    return {'median': _pair(median(runs)), 'worst': _pair(worst(runs))}
 
 
-def _orientation(results: Results) -> Table:
-    rows = []
-    for (kind, eta), runs in _groups(results, 'orientation', slice(1, 3)):
-        settling = [or_infinite(run['settling_s']) for run in runs]
-        times = f'{min(settling):.2f} to {max(settling):.2f}'
-        last, gone = max(run['final_deg'] for run in runs), sum(run['diverged'] for run in runs)
-        rows.append([kind, f'{100 * eta:.0f}', str(len(runs)), times, f'{last:.1e}', str(gone)])
-    return Table(
-        ['prior', 'error [%]', 'runs', 'below 0.1 deg [s]', 'last error [deg]', 'diverged'],
-        rows,
-        'wrong parameters alone do not make the loop diverge',
-        'Orientation to a set-point, fixed parameters',
-    )
+def _orientation(runs: list[TrialRecord]) -> TrialRecord:
+    settling = [or_infinite(run['settling_s']) for run in runs]
+    return {
+        'runs': len(runs),
+        **{'least': f'{min(settling):.2f}', 'most': f'{max(settling):.2f}'},
+        'last': max(run['final_deg'] for run in runs),
+        'diverged': sum(run['diverged'] for run in runs),
+    }
 
 
-def _lambdas(results: Results) -> Table:
-    return table_of(
-        'Lambda sweep',
-        'contradicts the paper ("smaller Lambda: faster response and greater overshoot"): the '
-        'poles -Lambda and -kappa are real, a larger Lambda is faster and never overshoots until '
-        'sampling makes it',
-        select(results, 'lambda'),
-        'Lambda [1/s] | below 0.1 deg [s] | rebound [deg] | peak torque [N m]',
-        '{key[1]:g} | {settling_s:.2f} | {rebound_deg:.3f} | {peak_torque:.2f}',
-    )
-
-
-def _harmonic(results: Results, kind: str, name: str) -> Table:
+def _harmonic(results: Results, kind: str) -> list[TrialRecord]:
     etas = sorted({run['key'][2] for run in select(results, 'harmonic', kind)})
-    laws = dict.fromkeys(tuple(run['key'][3:5]) for run in select(results, 'harmonic', kind))
     rows = []
-    for law in laws:
-        runs = [select(results, 'harmonic', kind, eta, *law) for eta in etas]
-        cells = [_pair(figure(own)) for own in runs for figure in (median, worst)]
-        share = max(run['indefinite'] for run in runs[-1])
-        rows.append([*law, *cells, f'{100 * share:.0f}'])
-    floor = _pair(worst(select(results, 'harmonic', 'true', 0.0, 'passivity')))
-    figures = [f'{100 * eta:.0f} % {what}' for eta in etas for what in ('median', 'worst')]
-    return Table(
-        ['law', 'consistency', *figures, 'indefinite [%]'],
-        rows,
-        'RMS of attitude / joints over the last 20 of 60 s [deg]; true parameters: ' + floor,
-        f'Harmonic tracking, {name} priors',
-    )
+    for law in _groups({'runs': select(results, 'harmonic', kind)}, 'harmonic', slice(3, 5)):
+        of = {eta: select(results, 'harmonic', kind, eta, *law) for eta in etas}
+        cells = {
+            f'{100 * eta:.0f} % {what}': pair
+            for eta, runs in of.items()
+            for what, pair in _spread(runs).items()
+        }
+        share = max(run['indefinite'] for run in of[etas[-1]])
+        rows.append({'of': law, 'cells': {**cells, 'indefinite [%]': f'{100 * share:.0f}'}})
+    return rows
 
 
-def _unmeasured(results: Results) -> Table:
-    return Table(
-        ['law', 'median [deg]', 'worst [deg]'],
-        [
-            [law, _pair(median(runs)), _pair(worst(runs))]
-            for (law,), runs in _groups(results, 'unmeasured', slice(1, 2))
-        ],
-        'the velocity follows from zero momentum; the translation is eliminated to first order',
-        'Base velocity not measured, 40 % element-wise priors',
-    )
+def _inertia(results: Results, law: tuple[str, str]) -> TrialRecord:
+    errors = mean_base_errors(select(results, 'harmonic', 'iid', 0.4, *law))
+    return {name: f'{a:.1f} -> {b:.1f}' for name, (a, b) in errors.items()}
 
 
-def _inertia(results: Results) -> Table:
-    rows = []
-    for law in _PLOTTED:
-        errors = mean_base_errors(select(results, 'harmonic', 'iid', 0.4, *law))
-        rows.append([law[0], *(f'{a:.1f} -> {b:.1f}' for a, b in errors.values())])
-    return Table(
-        ['law', *errors],
-        rows,
-        'mean relative error, prior -> after 60 s [%]; the motion is about x alone, so only Ixx '
-        "and, with the force rows, the mass can be learnt: the paper's seven rows never see it",
-        "Base's inertia, 40 % element-wise priors",
-    )
-
-
-def _noise(results: Results) -> Table:
-    rows = []
-    for (scale, *law), runs in _groups(results, 'noise', slice(1, 4)):
-        error = 100.0 * np.mean([run['torque_error'] for run in runs])
-        prior = 100.0 * runs[0]['prior_torque_error']
-        rows.append([f'{scale:g}', *law, f'{error:.2f}', f'{prior:.2f}', _pair(median(runs))])
-    return Table(
-        ['noise x', 'law', 'consistency', 'torque error [%]', 'of the prior', 'RMS [deg]'],
-        rows,
-        'torque error on motions of their own; x1: gyro 1e-4, joint rates 3.5e-4 rad/s',
-        'Noise',
-    )
-
-
-def _sampling(results: Results) -> Table:
-    rows = []
-    for of, _ in _groups(results, 'sampling', slice(1, 3)):
-        cells = {kind: _last(select(results, 'sampling', *of, kind)) for kind in ('true', 'iid')}
-        rows.append({'of': of, 'pole': (1.0 + of[1]) * of[0], **cells})
-    return table_of(
-        'Sampling limit',
-        'largest attitude error of the last 10 s [deg], kappa = 1/s: oscillation and divergence '
-        'come from sampling, not from wrong parameters',
-        rows,
-        'period [s] | Lambda [1/s] | (kappa + Lambda) T | true | 40 % priors',
-        '{of[0]:g} | {of[1]:g} | {pole:.2f} | {true} | {iid}',
-    )
+def _noise(runs: list[TrialRecord]) -> TrialRecord:
+    error = float(np.mean([run['torque_error'] for run in runs]))
+    return {'error': error, 'prior': runs[0]['prior_torque_error'], **_spread(runs)}
 
 
 def _last(runs: Sequence[TrialRecord]) -> str:
     last = [run['last_deg'] for run in runs if not run['diverged']]
     text, gone = f'{max(last):.2g}' if last else '-', len(runs) - len(last)
     return f'{text}, {gone} of {len(runs)} diverged' if gone else text
-
-
-def _periods_and_times(results: Results) -> list[Table]:
-    periods = table_of(
-        'Floor against the control period, true parameters',
-        '',
-        select(results, 'period'),
-        'period [s] | attitude RMS [deg] | joints RMS [deg]',
-        '{key[1]:g} | {attitude_rms_deg:.5f} | {joint_rms_deg:.5f}',
-    )
-    times = table_of(
-        'Time of a control cycle',
-        'measurement in, torques out, from Python on one core; the paper: about 100 us in Matlab',
-        results['cycle_us'],
-        'law | consistency | cycle [us]',
-        '{law} | {physical_consistency} | {median:.1f}',
-    )
-    return [periods, times]
 
 
 def drawings(records: Sequence[TrialRecord], results: Results) -> list[Section]:

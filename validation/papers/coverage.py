@@ -12,7 +12,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from spacerobot_ros.display import Table, table_of
 from spacerobot_ros.types import Array
 
 from ..campaigns import Check, Results, TrialRecord, key
@@ -110,28 +109,17 @@ def judge(results: Results) -> list[Check]:
     return out
 
 
-def tables(results: Results) -> list[Table]:
-    """All methods."""
+def shown(results: Results) -> Results:
+    """With means of all components, their least and most."""
     rows = [
         {
             **s,
-            **{f'mean {name}': np.mean(s['covered'][p]) for name, p in _PARTS.items()},
-            **{f'rms {name}': rms(s['over_bound'][p]) for name, p in _PARTS.items()},
+            'mean': {name: float(np.mean(s['covered'][p])) for name, p in _PARTS.items()},
+            'rms': {name: rms(s['over_bound'][p]) for name, p in _PARTS.items()},
             'least': np.min(s['covered']),
             'most': np.max(s['covered']),
             'bias': rms(s['bias']),
         }
         for s in results['coverage']
     ]
-    return [
-        table_of(
-            'Coverage campaign',
-            '95 % intervals; a single component of n runs scatters by 0.22/sqrt(n)',
-            rows,
-            'axes | method | runs | covered AAM | parameters | single, from | to | '
-            'RMSE/bound AAM | parameters | bias/RMSE | chi2/dof',
-            '{axes} | {method} | {runs} | {mean AAM:.3f} | {mean parameters:.3f} | '
-            '{least:.3f} | {most:.3f} | {rms AAM:.3g} | {rms parameters:.3g} | {bias:.3g} | '
-            '{chi2_per_dof:.3f}',
-        )
-    ]
+    return {'coverage': rows}

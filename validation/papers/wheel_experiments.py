@@ -12,7 +12,7 @@ from .estimators import bound_of, noise_free, noisy_run, relative_errors, score,
 from .paper import SCALES, STARTS
 from .tracking import soft_bandwidth, track
 from .wheel_tables import drawings as drawings
-from .wheel_tables import tables as tables
+from .wheel_tables import shown as shown
 
 AXES = ('zyx', 'xyy')  # with the symmetry of Table I
 PLANTS_AND_LAWS = (

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from spacerobot_ros.display import Curve, Panel, Plot, Section, Table, table_of
+from spacerobot_ros.display import Curve, Panel, Plot, Section
 from spacerobot_ros.types import Array
 
 from ..campaigns import Results, TrialRecord, kinds
@@ -24,138 +23,55 @@ _LAWS = {'corrected': 'corrected', 'no_aam': 'no AAM (37)', 'paper': "paper's (3
 _JOINTS = ('joint 1', 'joint 2', 'joint 3')
 
 
-def tables(results: Results) -> list[Table]:
-    """Every experiment."""
-    return [
-        *_without_noise(results['noise_free']),
-        *(_table_iii(axes, rows) for axes, rows in results['table_iii'].items()),
-        _estimators(results['estimators']),
-        _bounds(results['cramer_rao']),
-        *_tracking(results),
-    ]
-
-
-def _without_noise(rows: Sequence[TrialRecord]) -> list[Table]:
-    conditions = table_of(
-        'Minimal sets and condition numbers',
-        f'the paper prints {paper.UNKNOWNS} unknowns (k = {paper.UNKNOWNS - 3}), neither axes nor '
-        'condition numbers; ref.: our notes',
-        rows,
-        'axes | set | start | k | ref. | cond(A) | ref. | unit columns | ref.',
-        '{axes} | {structure} | {start} | {k} | {reference[k]} | {condition[raw]:.4g} | '
-        '{reference[raw]:.4g} | {condition[unit_columns]:.4g} | {reference[unit_columns]:.4g}',
-    )
-    paper_has = ('symmetric', 'moving')
-    errors = table_of(
-        'Identification without noise',
-        'largest relative error [%]; AAM left out: median error of the base parameters [%]',
-        [
-            {
-                **r,
-                'printed': paper.LARGEST_EXACT
-                * ((r['structure'], r['start']) == paper_has or math.nan),
-                'wrong': r['wrong_model_median_error_percent']
-                * (r['start'] == 'moving' or math.nan),
-            }
-            for r in rows
-        ],
-        'axes | set | start | momentum-int. | forward-int. | paper | AAM left out',
-        '{axes} | {structure} | {start} | {max_error_percent[momentum_integrated]:.1e} | '
-        '{max_error_percent[forward_integrated]:.1e} | {printed:.0e} | {wrong:.0f}',
-    )
-    return [conditions, errors]
-
-
-def _table_iii(axes: str, rows: Sequence[TrialRecord]) -> Table:
-    return table_of(
-        f'Table III, axes {axes}',
-        'relative errors [%]: the paper\'s "no noise" and "noise", ours beside; noise '
-        f"x {paper.TABLE_SCALE:g}, seed 0; from the 4th row on the paper's order is unknown",
-        rows,
-        'ours | paper | no noise | mom.-int. | fwd-int. | noise | LS (26) | LS | recursive | ML',
-        '{name} | {paper_label} | {paper_error_percent:.0e} | '
-        '{momentum_integrated_percent:.0e} | {forward_integrated_percent:.0e} | '
-        '{paper_error_with_noise_percent:.2f} | {with_noise_percent[paper]:.3f} | '
-        '{with_noise_percent[ls]:.3f} | {with_noise_percent[recursive]:.3f} | '
-        '{with_noise_percent[ml]:.3f}',
-    )
-
-
-def _estimators(scores: Sequence[TrialRecord]) -> Table:
-    runs = scores[0]['runs'] if scores else 0
-    return table_of(
-        'Estimators against the Cramer-Rao bound',
-        'RMSE over the bound (AAM, base parameters), of the AAM over the bound of the linear set, '
-        f'|bias| over RMSE, worst RMSE of the AAM; {runs} runs each '
-        f'(1/sqrt(runs) = {1.0 / np.sqrt(max(runs, 1)):.2f}); ref.: 30-50 runs',
-        [{**s, 'name': _METHODS[s['method']], 'aam': max(s['aam_rmse_percent'])} for s in scores],
-        'axes | noise | method | AAM | base | AAM, linear | ref. | |bias| | ref. | AAM [%] | chi2',
-        '{axes} | {noise_scale:g} | {name} | {aam_over_bound:.3g} | {base_over_bound:.3g} | '
-        '{aam_over_linear_bound:.3g} | {reference[aam_over_linear_bound]:.3g} | '
-        '{bias_over_rmse:.2f} | {reference[bias_over_rmse]:.3g} | {aam:.2g} | {chi2_per_dof:.3f}',
-    )
-
-
-def _bounds(bounds: Sequence[TrialRecord]) -> Table:
-    rows = []
-    for bound in bounds:
-        axes, scale = bound['axes'], bound['noise_scale']
-        aam, base = paper.BOUND_REFERENCE[axes]
-        percent = 100.0 * np.array(bound['std']) / np.abs(true_values(axes))
-        wanted = ' '.join(f'{scale * x:.3g}' for x in aam)
-        median = float(np.median(percent[3:]))
-        rows.append({**bound, 'h': percent, 'median': median, 'aam': wanted, 'base': scale * base})
-    return table_of(
-        'Cramer-Rao bound',
-        'smallest standard deviation of any unbiased estimate of bodies [%]; linear set: our '
-        'notes, for numbers that are freer than bodies',
-        rows,
-        'axes | noise | h_x | h_y | h_z | base median | AAM, linear set | base, linear set',
-        '{axes} | {noise_scale:g} | {h[0]:.3g} | {h[1]:.3g} | {h[2]:.3g} | {median:.3g} | '
-        '{aam} | {base:.3g}',
-    )
-
-
-def _tracking(results: Results) -> list[Table]:
-    known = table_of(
-        'Tracking: largest errors over 20 s',
-        'law evaluated in continuous time; the paper: "almost 8 degrees" and 0.9 m, no gains',
-        [{**run, 'name': _LAWS[run['law']]} for run in results['tracking']],
-        'axes | plant | law | rad/s | joint [deg] | ref. | end effector [m] | ref.',
-        '{axes} | {plant} | {name} | {bandwidth:g} | {max_joint_error_deg:.3g} | '
-        '{reference[max_joint_error_deg]:.3g} | {max_end_effector_error_m:.3g} | '
-        '{reference[max_end_effector_error_m]:.3g}',
-    )
-    soft = table_of(
-        f'Gains so soft that the error is {paper.TRACKING_ERROR_DEG:g} degrees',
-        f'law without AAM; the paper: {paper.TRACKING_ERROR_DEG:g} deg and '
-        f'{paper.TRACKING_ERROR_M:g} m',
-        [
-            {**r, 'Kp': r['bandwidth'] ** 2, 'Kd': 2.0 * r['bandwidth']}
-            for r in results['soft_gains']
-        ],
-        'axes | plant | rad/s | Kp | Kd | joint [deg] | end effector [m]',
-        '{axes} | {plant} | {bandwidth:.2f} | {Kp:.2f} | {Kd:.2f} | {max_joint_error_deg:.2f} | '
-        '{max_end_effector_error_m:.2f}',
-    )
+def shown(results: Results) -> Results:
+    """With what the tables have beside the results."""
+    runs = results['estimators'][0]['runs'] if results['estimators'] else 0
     without = {
         run['axes']: run['max_joint_error_deg']
         for run in results['tracking']
         if (run['plant'], run['law'], run['bandwidth']) == ('correct', 'no_aam', 1.0)
     }
-    nothing = {'max_joint_error_deg': None, 'max_end_effector_error_m': None}
-    identified = table_of(
-        'Tracking with identified parameters',
-        'corrected law at 1 rad/s, parameters from one record at noise x 1',
-        [
-            {**nothing, **r, 'name': _METHODS[r['method']], 'without': without[r['axes']]}
+    return {
+        **results,
+        **{'runs': runs, 'chance': 1.0 / max(runs, 1) ** 0.5},
+        'noise_free': [{**r, **_exact(r)} for r in results['noise_free']],
+        'estimators': [
+            {**s, 'name': _METHODS[s['method']], 'aam': max(s['aam_rmse_percent'])}
+            for s in results['estimators']
+        ],
+        'bounds': [{**b, **_bound(**b)} for b in results['cramer_rao']],
+        'tracking': [{**run, 'name': _LAWS[run['law']]} for run in results['tracking']],
+        'soft_gains': [
+            {**r, 'Kp': r['bandwidth'] ** 2, 'Kd': 2.0 * r['bandwidth']}
+            for r in results['soft_gains']
+        ],
+        'tracking_identified': [
+            {
+                **dict.fromkeys(paper.TRACKING_ERRORS),
+                **r,
+                **{'name': _METHODS[r['method']], 'without': without[r['axes']]},
+            }
             for r in results['tracking_identified']
         ],
-        'axes | identified by | joint [deg] | end effector [m] | no AAM [deg]',
-        '{axes} | {name} | {max_joint_error_deg:.3g} | {max_end_effector_error_m:.2g} | '
-        '{without:.3g}',
-    )
-    return [known, soft, identified]
+    }
+
+
+def _exact(r: TrialRecord) -> TrialRecord:
+    """The paper's largest error where it has one; ours without the wheels where all move."""
+    is_printed = (r['structure'], r['start']) == ('symmetric', 'moving')
+    is_wrong, wrong = r['start'] == 'moving', r['wrong_model_median_error_percent']
+    return {
+        'printed': paper.LARGEST_EXACT if is_printed else None,
+        'wrong': wrong if is_wrong else None,
+    }
+
+
+def _bound(axes: str, noise_scale: float, std: Sequence[float]) -> TrialRecord:
+    aam, base = paper.BOUND_REFERENCE[axes]
+    percent = 100.0 * np.array(std) / np.abs(true_values(axes))
+    wanted = ' '.join(f'{noise_scale * x:.3g}' for x in aam)
+    median = float(np.median(percent[3:]))
+    return {'h': percent, 'median': median, 'aam': wanted, 'base': noise_scale * base}
 
 
 def drawings(records: Sequence[TrialRecord], results: Results) -> list[Section]:
