@@ -44,8 +44,6 @@ from .page import failed, missed, write_page
 
 PROGRAMS = {
     'replay': 'what a change of the code changed of the answers to 130 recordings',
-    'mujoco': "the diagnosis campaign on MuJoCo's records",
-    'momentum-flights': "wheel momentum of drawn robots against MuJoCo's truth",
     'bench.simulation': 'simulators side by side at equal accuracy',
     'bench.regressor': "regressors beside Pinocchio's",
     'bench.scaling': 'time and memory of a diagnosis by joints and samples',
@@ -57,7 +55,6 @@ PROGRAMS = {
     'bench.killed_workers': 'records of a cluster whose workers are killed',
 }
 """Modules that parse options of their own, and what they measure."""
-_MODULES = {'mujoco': 'mujoco.campaign', 'momentum-flights': 'mujoco.momentum_flights'}
 _HERE = Path(__file__).resolve().parent
 
 
@@ -81,7 +78,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _program(name: str, *words: str) -> NoReturn:
     """Become a program: a benchmark is a script, whose peers know nothing of this package."""
     script = str(_HERE.joinpath(*name.split('.')).with_suffix('.py'))
-    module = f'{__package__}.{_MODULES.get(name, name)}'
+    module = f'{__package__}.{name}'
     begin = [script] if name.startswith('bench.') else ['-m', module]
     path = os.pathsep.join([str(_HERE.parent), os.environ.get('PYTHONPATH', '')])
     sys.stdout.flush()

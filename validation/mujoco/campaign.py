@@ -1,27 +1,28 @@
 """The diagnosis campaign on records of MuJoCo.
 
-`python -m validation mujoco --out DIR` runs it. The module takes the place of
-`validation/hidden/diagnosis_scenario.py`: robots, motions, records. What was drawn of the
-catalogue is made of MuJoCo's own bodies, joints and forces.
+The module takes the place of `validation/hidden/diagnosis_scenario.py`: robots, motions, records.
+What was drawn of the catalogue is made of MuJoCo's own bodies, joints and forces.
 """
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from spacerobot_ros.display import Section, markdown
 from spacerobot_ros.effects.effect import Effect
 from spacerobot_ros.effects.robot_file import RobotFile, load_robot_file
 from spacerobot_ros.errors import SimulationDivergedError
 from spacerobot_ros.recording.record import Record
 
-from ..campaigns import CAMPAIGNS, finish
-from ..hidden import diagnosis_campaign as campaign
+from ..hidden import diagnosis_campaign
+from ..hidden.diagnosis_campaign import drawings as drawings
+from ..hidden.diagnosis_campaign import judge as judge
+from ..hidden.diagnosis_campaign import results as results
+from ..hidden.diagnosis_campaign import run as run
+from ..hidden.diagnosis_campaign import shown as shown
 from .robots import ROBOTS as KNOWN
 from .robots import SERVICER, TruthRobot
 from .run import Excitation
@@ -45,6 +46,7 @@ EXCITATIONS = {
     'slow': Excitation(amplitude=0.3, period=20.0, harmonics=2),
 }
 Values = Mapping[str, float]
+trials = partial(diagnosis_campaign.trials, truth=__name__)
 
 
 def _vector(v: Values, prefix: str = '') -> tuple[float, ...]:
@@ -144,25 +146,3 @@ def simulated(
         except ArithmeticError as error:
             raise SimulationDivergedError(duration, str(error)) from error
     return case.data
-
-
-def main() -> None:
-    """Run what is missing, and write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--out', default='out/mujoco-campaign', type=Path)
-    parser.add_argument(
-        '--runs', default=CAMPAIGNS['diagnosis'].runs, type=int, help='clean records'
-    )
-    parser.add_argument('--minutes', default=1e9, type=float, help='begin nothing new after that')
-    args = parser.parse_args()
-    args.out.mkdir(parents=True, exist_ok=True)
-    keys = campaign.trials(args.runs, False, 'validation.mujoco.campaign')
-    records = finish(CAMPAIGNS['diagnosis'], keys, args.out, minutes=args.minutes).records
-    results = campaign.results(records)
-    tables = [Section(table.title, [table]) for table in campaign.tables(results)]
-    page = args.out / CAMPAIGNS['diagnosis'].markdown
-    page.write_text(markdown('Diagnosis campaign on records of MuJoCo', tables), encoding='utf-8')
-
-
-if __name__ == '__main__':
-    main()
