@@ -16,7 +16,7 @@ from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSer
 from .plan import Plan
 from .run import History
 
-CHANNELS = ('position', 'velocity', 'effort', 'gyro', 'attitude')
+CHANNELS = ('q', 'qd', 'tau', 'omega', 'attitude')
 
 
 @dataclass(frozen=True)
@@ -47,22 +47,30 @@ class Sensors:
     position_step: float = 0.0
     effort_mean: bool = True
 
+    @property
+    def rates(self) -> dict[str, float]:
+        """By channel [Hz]."""
+        joints = dict.fromkeys(CHANNELS[:3], self.joint_rate)
+        return joints | {'omega': self.imu_rate, 'attitude': self.attitude_rate}
 
-class Noise:
+    @property
+    def stds(self) -> dict[str, float]:
+        """As a robot file has them, in the order of the channels."""
+        names = ('position', 'velocity', 'effort', 'gyro', 'attitude')
+        files = ('joint_position', 'joint_velocity', 'joint_effort', 'gyro', 'attitude')
+        return {f'{f}_std': getattr(self, f'{n}_std') for f, n in zip(files, names, strict=True)}
+
+
+def noise_of(
+    sensors: Sensors, seed: int, n: int, duration: float, on: bool
+) -> dict[str, np.ndarray]:
     """One seeded stream a channel; samples keep their noise whatever else is switched."""
-
-    def __init__(self, sensors: Sensors, seed: int, n: int, duration: float, on: bool) -> None:
-        counts = {
-            'position': (sensors.joint_rate, n, sensors.position_std),
-            'velocity': (sensors.joint_rate, n, sensors.velocity_std),
-            'effort': (sensors.joint_rate, n, sensors.effort_std),
-            'gyro': (sensors.imu_rate, 3, sensors.gyro_std),
-            'attitude': (sensors.attitude_rate, 3, sensors.attitude_std),
-        }
-        self.of = {
-            name: std * on * stream(seed, place).standard_normal((round(rate * duration) + 1, k))
-            for place, (name, (rate, k, std)) in enumerate(counts.items())
-        }
+    rates, stds = sensors.rates, sensors.stds.values()
+    counts = zip(CHANNELS, (n, n, n, 3, 3), stds, strict=True)
+    return {
+        c: std * on * stream(seed, k).standard_normal((round(rates[c] * duration) + 1, width))
+        for k, (c, width, std) in enumerate(counts)
+    }
 
 
 def stream(seed: int, place: int) -> np.random.Generator:
@@ -71,7 +79,11 @@ def stream(seed: int, place: int) -> np.random.Generator:
 
 
 def sample(
-    plan: Plan, history: History, sensors: Sensors, noise: Noise, held: float | None
+    plan: Plan,
+    history: History,
+    sensors: Sensors,
+    noise: dict[str, np.ndarray],
+    held: float | None,
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Sample times and values by channel; attitude as rotation matrices.
 
@@ -84,27 +96,22 @@ def sample(
     """
     end = history.time[-1] + 1e-9
     times = {
-        name: np.arange(math.floor(end * rate) + 1) / rate
-        for name, rate in zip(
-            CHANNELS,
-            (*[sensors.joint_rate] * 3, sensors.imu_rate, sensors.attitude_rate),
-            strict=True,
-        )
+        name: np.arange(math.floor(end * rate) + 1) / rate for name, rate in sensors.rates.items()
     }
     clean = _clean(plan, history, times, held, sensors.effort_mean)
     for mend in plan.mends:
         mend(clean)
     out = {}
     for name in CHANNELS:
-        error = noise.of[name][: len(times[name])]
+        error = noise[name][: len(times[name])]
         if name == 'attitude':
             values = clean[name] @ Rotation.from_rotvec(error).as_matrix()
         else:
             values = clean[name] + error
         out[name] = (times[name], values)
     if sensors.position_step:
-        t, q = out['position']
-        out['position'] = (t, sensors.position_step * np.round(q / sensors.position_step))
+        t, q = out['q']
+        out['q'] = (t, sensors.position_step * np.round(q / sensors.position_step))
     return out
 
 
@@ -117,9 +124,9 @@ def _clean(
 ) -> dict[str, np.ndarray]:
     """What perfect sensors would say, each as late as it is."""
     late = plan.delays
-    joints = np.maximum(times['position'] - late.get('joints', 0.0), 0.0)
+    joints = np.maximum(times['q'] - late.get('joints', 0.0), 0.0)
     effort = np.maximum(joints - late.get('effort', 0.0), 0.0)
-    imu = np.maximum(times['gyro'] - late.get('imu', 0.0), 0.0)
+    imu = np.maximum(times['omega'] - late.get('imu', 0.0), 0.0)
     attitude = np.maximum(times['attitude'] - late.get('attitude', 0.0), 0.0)
     on_motor = np.array([j in plan.encoder_on_motor for j in plan.joints])
     t = history.time
@@ -127,10 +134,10 @@ def _clean(
     qd = np.where(on_motor, history.motor_qd, history.qd)
     wxyz = CubicSpline(t, history.attitude)(attitude)
     return {
-        'position': CubicSpline(t, q)(joints),
-        'velocity': CubicSpline(t, qd)(joints),
-        'effort': _effort(history, effort, held, mean),
-        'gyro': CubicSpline(t, history.omega)(imu),
+        'q': CubicSpline(t, q)(joints),
+        'qd': CubicSpline(t, qd)(joints),
+        'tau': _effort(history, effort, held, mean),
+        'omega': CubicSpline(t, history.omega)(imu),
         'attitude': Rotation.from_quat(np.roll(wxyz, -1, axis=1)).as_matrix(),
     }
 
@@ -168,13 +175,13 @@ def to_record(
         kept[1:] &= np.diff(np.maximum.accumulate(ns)) > 0
         return ns[kept], kept
 
-    ns, kept = stamps(0, samples['position'][0])
-    columns = [samples[name][1][kept] for name in ('position', 'velocity', 'effort')]
+    ns, kept = stamps(0, samples['q'][0])
+    columns = [samples[name][1][kept] for name in CHANNELS[:3]]
     joints = JointSeries(tuple(plan.joints), ns, *columns)
     if not plan.free:
         return Record(joints, source=source)
-    ns, kept = stamps(1, samples['gyro'][0])
-    rates = RateSeries(ns, samples['gyro'][1][kept])
+    ns, kept = stamps(1, samples['omega'][0])
+    rates = RateSeries(ns, samples['omega'][1][kept])
     ns, kept = stamps(2, samples['attitude'][0])
     attitude = Rotation.from_matrix(samples['attitude'][1][kept]).as_quat()
     return Record(joints, rates, AttitudeSeries(ns, attitude), source=source)
