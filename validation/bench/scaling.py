@@ -16,7 +16,10 @@ import resource
 import subprocess
 import sys
 import time
+from itertools import cycle
 from pathlib import Path
+
+from validation.urdf import chain
 
 RATE = 100.0  # Hz
 HIDDEN = 3.0  # N m s/rad at joint_2
@@ -26,20 +29,12 @@ FEW = ('joint_viscous_friction', 'joint_coulomb_friction', 'torque_sensor_bias')
 
 def robot_file(n: int, states_noise: bool, folder: Path) -> Path:
     """A chain of n joints on the ground, axes z and y in turn."""
-    links = ['<robot name="arm"><link name="base_link"/>']
-    parent = 'base_link'
-    for k in range(1, n + 1):
-        mass, axis = 8.0 / k, '0 0 1' if k % 2 else '0 1 0'
-        links.append(
-            f'<link name="link_{k}"><inertial><origin xyz="0.02 0 0.1"/><mass value="{mass}"/>'
-            f'<inertia ixx="{0.01 * mass}" iyy="{0.01 * mass}" izz="{0.005 * mass}" ixy="0" '
-            'ixz="0" iyz="0"/></inertial></link>'
-            f'<joint name="joint_{k}" type="revolute"><parent link="{parent}"/>'
-            f'<child link="link_{k}"/><origin xyz="0 0 0.25"/><axis xyz="{axis}"/>'
-            '<limit lower="-6" upper="6" effort="1e4" velocity="9"/></joint>'
-        )
-        parent = f'link_{k}'
-    (folder / 'arm.urdf').write_text('\n'.join([*links, '</robot>']), encoding='utf-8')
+    masses = [8.0 / k for k in range(1, n + 1)]
+    links = [
+        (*('0 0 0.25', axis, '0.02 0 0.1', m), f'{0.01 * m} {0.01 * m} {0.005 * m}', 1e4)
+        for m, axis in zip(masses, cycle('zy'), strict=False)
+    ]
+    (folder / 'arm.urdf').write_text(chain(links, velocity=9.0), encoding='utf-8')
     noise = f'sensors: {json.dumps(STD)}' if states_noise else ''
     names = ', '.join(f'joint_{k}' for k in range(1, n + 1))
     path = folder / 'arm.yaml'

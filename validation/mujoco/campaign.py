@@ -45,7 +45,12 @@ EFFECTS = (  # seeds of trials go by their order
     *('torque_sensor_bias', 'gyro_bias', 'gyro_scale'),
     *('attitude_misalignment', 'imu_delay', 'attitude_delay', 'joint_delay', 'effort_delay'),
     *('target_wheel_momentum', 'servicer_wheel_momentum_error', 'target_wheel_drag'),
-    *('servicer_wheel_drag', 'wheel_imbalance', 'external_torque_body', 'external_torque_inertial'),
+    *(
+        'servicer_wheel_drag',
+        'wheel_imbalance',
+        'external_torque_body',
+        'external_torque_inertial',
+    ),
     *('joint_torque_constant', 'encoder_scale', 'joint_rate_scale', 'gyro_misalignment'),
     *('inertial_parameters', 'flexible_appendage', 'fuel_slosh', 'thruster_leak'),
     *('gravity_gradient', 'joint_flexibility'),
