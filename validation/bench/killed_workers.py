@@ -9,7 +9,6 @@ which is started. Every number of both tables but run times is compared by its b
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import subprocess
@@ -18,6 +17,8 @@ import tempfile
 import time
 from functools import cache
 from pathlib import Path
+
+from nodes import options
 
 _JOINTS, _DURATION, _WORKERS = 3, 4.0, 3
 
@@ -105,10 +106,7 @@ def _numbers(row: dict) -> str:
 
 def main() -> int:
     """Compare both tables; 0 where they are the same."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--count', type=int, default=200)
-    parser.add_argument('--seed', type=int, default=0)
-    args = parser.parse_args()
+    args = options(__doc__, count=200, seed=0)
     keys = [str(k) for k in range(args.count)]
     found = disturbed(keys, args.seed)
     alone = {key: row_of(key) for key in keys}

@@ -9,7 +9,6 @@ compiling, and the most memory that it had.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import resource
@@ -18,6 +17,8 @@ import sys
 import time
 from itertools import cycle
 from pathlib import Path
+
+from nodes import options
 
 from validation.urdf import chain
 
@@ -173,13 +174,7 @@ def main() -> None:
     """Measure and print."""
     import tempfile
 
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument('--one', metavar='JSON', help='one point, printed as JSON')
-    parser.add_argument('--out', metavar='SVG', help='file of the plot')
-    parser.add_argument('--kept', metavar='JSON', help='figures: shown if there, else measured')
-    args = parser.parse_args()
+    args = options(__doc__, one='', out='', kept='')
     if args.one:
         with tempfile.TemporaryDirectory() as name:
             print(json.dumps(measure(**json.loads(args.one), folder=Path(name))))

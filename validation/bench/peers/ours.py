@@ -18,7 +18,7 @@ from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.simulation.plant import Plant
 
-PACKAGE = Path(__file__).resolve().parents[2] / 'package.xml'
+PACKAGE = Path(__file__).resolve().parents[3] / 'package.xml'
 VERSION = ElementTree.parse(PACKAGE).findtext('version')
 ROBOT = build_robot(
     parse_settings(
