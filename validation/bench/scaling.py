@@ -1,6 +1,6 @@
 """Cost of a diagnosis as work grows: length of the record, joints, effects, recordings.
 
-    python -m validation bench.scaling [--out docs/images/scaling.svg] [--json]
+    python -m validation bench.scaling [--out validation/results/images/scaling.svg]
 
 An arm of n joints, its motion prescribed, its torques by Pinocchio's RNEA with noise and one cause
 that its file lacks. Every figure is of a process of its own: processor time without imports and
@@ -142,20 +142,22 @@ def shown(sweeps: dict[str, list[dict]]) -> list:
 
 def draw(sweeps: dict[str, list[dict]], path: Path) -> None:
     """Time and memory against the length of the record."""
-    from matplotlib import pyplot as plt
+    from spacerobot_ros.display import Curve, Panel
+    from validation.results.draw import curves
 
-    plt.style.use(Path(__file__).parents[2] / 'docs' / 'images' / 'figures.mplstyle')
-    figure, axes = plt.subplots(2, 1, sharex=True, figsize=(8.0, 5.0), layout='constrained')
-    shown = (('processor time', 's', 'cpu_s'), ('memory', 'MB', 'more_mb'))
-    for ax, (title, unit, key) in zip(axes, shown, strict=True):
-        for what, rows in sweeps.items():
-            if 'length' in what:
-                times = [row['duration'] for row in rows]
-                ax.plot(times, [row[key] for row in rows], label=what.split(' [')[0])
-        ax.set(title=title, ylabel=f'[{unit}]')
-        ax.legend(loc='lower right', bbox_to_anchor=(1.0, 0.98), ncols=2)
-    axes[-1].set_xlabel('length of the record [s]')
-    figure.savefig(path, metadata={'Date': None})
+    panels = [
+        Panel(
+            title,
+            unit,
+            [
+                Curve(what.split(' [')[0], [r['duration'] for r in rows], [r[key] for r in rows])
+                for what, rows in sweeps.items()
+                if 'length' in what
+            ],
+        )
+        for title, unit, key in (('processor time', 's', 'cpu_s'), ('memory', 'MB', 'more_mb'))
+    ]
+    curves(panels, 'length of the record [s]', path)
 
 
 def sweep() -> dict[str, list[dict]]:

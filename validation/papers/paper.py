@@ -3,7 +3,8 @@
 The paper prints neither its joint axes nor its condition numbers nor its noise levels nor its
 gains; the references below are of an independent prototype, for the readings that fit. Its noise
 models are in a reference that we do not have; nominal here is a realistic level, and scale 0.1 is
-where plain least squares makes the errors that the paper prints (docs/reproduction.md).
+where plain least squares makes the errors that the paper prints
+(validation/results/reproduction.md).
 
 Motions come in two kinds. *Momentum-integrated*: joints follow the reference exactly, body rate
 and attitude from the conservation of momentum; then the paper's linear system is an identity,

@@ -1,4 +1,4 @@
-"""All experiments of the wheel-momentum identification paper (docs/reproduction.md)."""
+"""All experiments of the wheel-momentum paper (validation/results/reproduction.md)."""
 
 from __future__ import annotations
 
