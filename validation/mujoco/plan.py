@@ -17,8 +17,6 @@ from ..replay import effects
 from ..replay.effects import Hidden, Values, xyz
 from ..replay.plant import Plant, about, text
 
-EZ = (0.0, 0.0, 1.0)
-
 
 @dataclass
 class Plan(Plant):
@@ -92,21 +90,6 @@ def _flexibility(p: Plan, joint: Any, v: Values) -> None:
         p.encoder_on_motor.add(joint)
 
 
-def _backlash(p: Plan, joint: Any, v: Values) -> None:
-    """A gap (full width) between motor and link, closed by a stiff contact."""
-    stiffness, damping, half, i = 2e4, 20.0, 0.5 * v['gap'], p.joints.index(joint)
-    _flexibility(p, joint, {'stiffness': stiffness, 'damping': 0.0, 'rotor_inertia': 2.0})
-    p.joint(joint)['stiffness'] = 0.0
-
-    def push(s: Any) -> None:
-        angle, rate = s.spring(i)
-        over = angle - np.clip(angle, -half, half)
-        if over:
-            s.push_spring(i, -stiffness * over - damping * rate)
-
-    p.pushes.append(push)
-
-
 def _imbalance(p: Plan, link: Any, v: Values) -> None:
     """A torque that turns about z with a wheel."""
 
@@ -116,16 +99,6 @@ def _imbalance(p: Plan, link: Any, v: Values) -> None:
         s.push(link or p.base, s.rotation(link or p.base) @ (v['amplitude'] * turning))
 
     p.pushes.append(push)
-
-
-def _free_rotors(p: Plan, link: Any, v: Values) -> None:
-    """Three along x, y, z: their axial inertia leaves the host, h counts absolute.
-
-    `x`, `y`, `z` are the host's angular rate at the start, in its frame [rad/s].
-    """
-    host = link or p.base
-    p.bodies[host].add(0.0, p.bodies[host].com, v['inertia'] * np.eye(3), -1.0)
-    p.wheels[host] = p.wheels.get(host, np.zeros(3)) + v['inertia'] * xyz(v)
 
 
 def _appendage(p: Plan, link: Any, v: Values) -> None:
@@ -167,9 +140,7 @@ EFFECTS: dict[str, Effect] = effects.EFFECTS | {
     ),
     'joint_stiffness': _torque(lambda q, qd, v: -v['stiffness'] * (q - v['rest_angle'])),
     'joint_flexibility': _flexibility,
-    'joint_backlash': _backlash,
     'wheel_imbalance': _imbalance,
-    'free_wheel_rotors': _free_rotors,
     'flexible_appendage': _appendage,
     'fuel_slosh': lambda p, link, v: effects.EFFECTS['fuel_slosh'](p, link or p.base, v),
     'gravity_gradient': _gravity_gradient,

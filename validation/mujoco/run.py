@@ -107,20 +107,11 @@ class Simulation(Motion):
         self.angle = self.rate = np.zeros(len(plan.joints))
         self.stiction = STICTION
 
-    def spring(self, i: int) -> tuple[float, float]:
-        """Deflection of a motor's spring, and its rate."""
-        k = self._springs.index(i)
-        return self.data.qpos[self._q_spring[k]], self.data.qvel[self._v_spring[k]]
-
     def push_joint(self, i: int, torque: float) -> None:
         """A torque between a joint's parent and its link."""
         self.data.qfrc_passive[self.v[i]] += torque
         if i in self._springs:
-            self.push_spring(i, torque)
-
-    def push_spring(self, i: int, torque: float) -> None:
-        """A torque between a motor and its link."""
-        self.data.qfrc_passive[self._v_spring[self._springs.index(i)]] += torque
+            self.data.qfrc_passive[self._v_spring[self._springs.index(i)]] += torque
 
     def stage(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """What MuJoCo asks for at every stage, once it knows passive forces and bias."""

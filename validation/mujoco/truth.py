@@ -25,7 +25,7 @@ from ..replay.effects import Hidden
 from ..replay.machines import Machine, machine, own_bodies
 from .plan import Plan
 from .run import EXCITATIONS, Excitation, History, Seen, simulate
-from .sensors import Sensors, noise_of, sample, stream, to_record, write_bag
+from .sensors import RATES, Sensors, noise_of, sample, stream, to_record, write_bag
 
 _HERE = Path(__file__).with_name('robots')
 _ATTITUDE = np.array([0.2, 0.1, 0.3, 0.927]) / np.linalg.norm([0.2, 0.1, 0.3, 0.927])
@@ -87,7 +87,7 @@ def generate(
         duration: [s].
         excitation: A key of `EXCITATIONS`, or a motion.
         noise: Whether sensors have noise.
-        sensors: Rates and imperfections; by default those that `Sensors` states.
+        sensors: By default with the robot's `effort_std`.
         bag: Write a rosbag2 folder rather than return a record.
     """
     what = ROBOTS[robot] if isinstance(robot, str) else robot
@@ -103,13 +103,13 @@ def generate(
         motion,
         duration,
         stream(seed, 20),
-        _seen(plan, sensors, motion, errors),
+        _seen(plan, motion, errors),
     )
     held = motion.period_control if motion.control == 'held' else None
-    samples = sample(plan, history, sensors, errors, held)
-    record = to_record(plan, samples, sensors, seed, f'truth of seed {seed}')
+    sampled = sample(plan, history, errors, held, sensors.effort_mean)
+    record = to_record(plan, *sampled, f'truth of seed {seed}')
     path = write_robot(what, sensors, folder)
-    data = write_bag(record, folder / f'bag_{seed}', what.base_link) if bag else record
+    data = write_bag(record, folder / f'bag_{seed}', what.base) if bag else record
     return Case(path, data, effects, history)
 
 
@@ -144,11 +144,11 @@ def write_robot(robot: Machine, sensors: Sensors, folder: Path) -> Path:
     return path
 
 
-def _seen(plan: Plan, sensors: Sensors, motion: Excitation, errors: dict[str, np.ndarray]) -> Seen:
+def _seen(plan: Plan, motion: Excitation, errors: dict[str, np.ndarray]) -> Seen:
     """What a controller that reads the sensors is told: the very samples that are recorded."""
     past: list[tuple[np.ndarray, np.ndarray]] = []
     late = round(plan.delays.get('joints', 0.0) / motion.period_control)
-    ratio = sensors.joint_rate * motion.period_control
+    ratio = RATES['q'] * motion.period_control
 
     def seen(k: int, sim: Any) -> tuple[np.ndarray, np.ndarray]:
         past.append((sim.angle.copy(), sim.rate.copy()))

@@ -104,7 +104,7 @@ def _simulate(
         'law': law,
         'bandwidth': bandwidth,
         **dict(zip(paper.TRACKING_ERRORS, largest, strict=True)),
-        'reference': paper.TRACKING_REFERENCE.get((case.axes, plant, law, bandwidth)),
+        'reference': paper.tracking_reference(case.axes, plant, law, bandwidth),
         'history': {
             'time': times,
             'joint_error': error,

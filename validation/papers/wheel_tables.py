@@ -67,7 +67,7 @@ def _exact(r: TrialRecord) -> TrialRecord:
 
 
 def _bound(axes: str, noise_scale: float, std: Sequence[float]) -> TrialRecord:
-    aam, base = paper.BOUND_REFERENCE[axes]
+    aam, base = paper.BOUND_REFERENCE[axes].values()
     percent = 100.0 * np.array(std) / np.abs(true_values(axes))
     wanted = ' '.join(f'{noise_scale * x:.3g}' for x in aam)
     median = float(np.median(percent[3:]))
