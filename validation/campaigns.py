@@ -60,6 +60,10 @@ class Check:
         """Whether the value is within its limits."""
         return self.low <= self.value <= self.high
 
+    def __str__(self) -> str:
+        """The figure beside its limits."""
+        return f'{self.what}: {self.value:.4g} (wanted: {self.low:g} to {self.high:g} {self.unit})'
+
     def to_json(self) -> dict[str, Any]:
         """As in the command's JSON."""
         return {**asdict(self), 'is_met': self.is_met}
@@ -101,8 +105,8 @@ class Campaign:
 
     @property
     def markdown(self) -> str:
-        """File with all tables; empty: none."""
-        return f'{self.name}.md' if self.is_kept else ''
+        """File with all tables, where records are kept."""
+        return f'{self.name}.md'
 
     def load(self) -> ModuleType:
         """The campaign's functions; imports what is heavy."""

@@ -15,7 +15,7 @@ from matplotlib import pyplot as plt
 
 from spacerobot_ros.display import Matrix, Panel
 
-from ..hidden.diagnosis_campaign_tables import drawings
+from ..hidden.diagnosis_score import drawings
 
 HERE = Path(__file__).parent
 plt.style.use(HERE.parents[1] / 'docs' / 'images' / 'figures.mplstyle')
