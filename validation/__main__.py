@@ -139,7 +139,7 @@ def run(campaign: Campaign, args: argparse.Namespace) -> int:
     with progress() as stage:
         found = finish(campaign, keys, folder, workers, stage('running', len(keys)), minutes)
     results = experiment.results(found.records)
-    checks, tables = experiment.judge(results), campaign.tables(results)
+    checks, tables = campaign.judge(results), campaign.tables(results)
     data = {
         **{'schema': 1, 'experiment': campaign.name, **results, 'checks': checks},
         **{'failures': found.failures, 'wall_s': round(time.monotonic() - started, 1)},

@@ -5,8 +5,8 @@ A campaign's entry is in `campaigns.yaml`, its tables are in `tables/NAME.yaml`.
 - `trials(runs, is_quick)`: the keys of all trials; the longest first keeps all processes busy;
 - `run(key)`: the record of a trial, plain JSON data without its key;
 - `results(records)`: what the finished trials come to; not all need be there;
-- `judge(results)`: the figures to reach that could be computed, as `Check`;
-- `shown(results)`, where tables need more: the results with what they show;
+- `shown(results)`, where tables and figures to reach need more: the results with that;
+- `judge(results)`, where figures to reach are no rows of a table: all of them, as `Check`;
 - `drawings(records, results)`, where something is drawn.
 
 A trial is its key, a text that holds all that it depends on, its seed too: its record is the same
@@ -18,7 +18,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -29,44 +29,14 @@ from spacerobot_ros.batch.workers import Workers
 from spacerobot_ros.display import Section, Table
 from spacerobot_ros.model.files import read_yaml
 
-from .tables import tables_of
+from .tables import Check as Check
+from .tables import checks_of, tables_of
 
 _T = TypeVar('_T')
 _HERE = Workers()
 
 Results = dict[str, Any]
 """What all records come to: plain data, as in the command's JSON."""
-
-
-@dataclass(frozen=True, slots=True)
-class Check:
-    """A figure to reach.
-
-    Args:
-        what: The figure.
-        value: Reached.
-        low: Smallest good value. high: Largest good value.
-        unit: Of them.
-    """
-
-    what: str
-    value: float
-    low: float
-    high: float
-    unit: str = ''
-
-    @property
-    def is_met(self) -> bool:
-        """Whether the value is within its limits."""
-        return self.low <= self.value <= self.high
-
-    def __str__(self) -> str:
-        """The figure beside its limits."""
-        return f'{self.what}: {self.value:.4g} (wanted: {self.low:g} to {self.high:g} {self.unit})'
-
-    def to_json(self) -> dict[str, Any]:
-        """As in the command's JSON."""
-        return {**asdict(self), 'is_met': self.is_met}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,8 +84,16 @@ class Campaign:
 
     def tables(self, results: Results) -> list[Table]:
         """What is shown, in order."""
-        shown = getattr(self.load(), 'shown', lambda found: found)
-        return tables_of(self.described or self.name, shown(results))
+        return tables_of(self.described or self.name, self._shown(results))
+
+    def judge(self, results: Results) -> list[Check]:
+        """The figures to reach that could be computed."""
+        if judge := getattr(self.load(), 'judge', None):
+            return judge(results)
+        return list(checks_of(self.described or self.name, self._shown(results)))
+
+    def _shown(self, results: Results) -> Results:
+        return getattr(self.load(), 'shown', lambda found: found)(results)
 
     def drawings(self, records: Sequence[TrialRecord], results: Results) -> list[Section]:
         """What is drawn, in order."""

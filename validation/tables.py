@@ -1,4 +1,4 @@
-"""Tables of a campaign's results, as `tables/NAME.yaml` describes them.
+"""Tables and figures to reach of a campaign, as `tables/NAME.yaml` describes them.
 
 A table has a title, a caption, the path of its `rows` in the results and a line for each column:
 head, ` | `, format of the cells (`display.table_of`). Rows are a list or a mapping, of which keys
@@ -7,16 +7,56 @@ column `* | {cells}` is all entries of the mapping of that name. With `each`, th
 mapping, there is a table for each of its values, which is all that the table sees, its key as
 `of`. Titles and captions are formats, too. Texts have `.words` (without underscores), numbers
 have `.percent`; a list reads as its items, a mapping as names and counts.
+
+Figures to reach are of rows, too: what it is, path of the value, least and largest good one (or
+their paths), unit, and the path of what must be true for it to be asked; a share without trials
+and what is no number are not.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from spacerobot_ros.display import Table, table_of
 from spacerobot_ros.model.files import read_yaml
+
+from .shares import Share
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """A figure to reach.
+
+    Args:
+        what: The figure.
+        value: Reached.
+        low: Smallest good value. high: Largest good value.
+        unit: Of them.
+    """
+
+    what: str
+    value: float
+    low: float
+    high: float
+    unit: str = ''
+
+    @property
+    def is_met(self) -> bool:
+        """Whether the value is within its limits."""
+        return self.low <= self.value <= self.high
+
+    def __str__(self) -> str:
+        """The figure beside its limits."""
+        return f'{self.what}: {self.value:.4g} (wanted: {self.low:g} to {self.high:g} {self.unit})'
+
+    def to_json(self) -> dict[str, Any]:
+        """As in the command's JSON."""
+        return {**asdict(self), 'is_met': self.is_met}
 
 
 class _Text(str):
@@ -55,6 +95,30 @@ def tables_of(name: str, results: Mapping[str, Any]) -> list[Table]:
     path = Path(__file__).parent / 'tables' / f'{name}.yaml'
     seen = _readable(results)
     return [t for entry in read_yaml(path, 'tables')['tables'] for t in _tables(entry, seen)]
+
+
+def checks_of(name: str, results: Mapping[str, Any]) -> Iterator[Check]:
+    """The figures to reach that could be computed, in the order of a campaign's file."""
+    path, seen = Path(__file__).parent / 'tables' / f'{name}.yaml', _readable(results)
+    for entry in read_yaml(path, 'tables')['checks']:
+        listed = (line.split(' | ') for line in entry['figures'].splitlines())
+        wanted = [(own + ['', ''])[:6] for own in listed]
+        for row in _rows(_at(seen, entry['rows']) if 'rows' in entry else [seen]):
+            for what, where, low, high, unit, given in (
+                own + ['', ''][len(own) - 4 :] for own in wanted
+            ):
+                value = _at(row, where)
+                value = value.value if isinstance(value, Share) else value
+                if value is not None and not np.isnan(value) and (not given or _at(row, given)):
+                    limits = (_limit(row, text) for text in (low, high))
+                    yield Check(_filled(what, row), value, *limits, unit)
+
+
+def _limit(row: Mapping[str, Any], text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return float(_at(row, text))
 
 
 def _tables(entry: Mapping[str, Any], seen: _Entries) -> Iterator[Table]:

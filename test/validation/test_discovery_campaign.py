@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.effects.laws.learned_torque import law_at
+from validation.campaigns import CAMPAIGNS
 from validation.hidden import law_flights
-from validation.hidden.discovery_campaign import trials
-from validation.hidden.discovery_tables import LOOPS, judge, results, tables
+from validation.hidden.discovery_campaign import LOOPS, results, trials
 from validation.hidden.hidden_laws import COLOURS, LAWS, NOISE, LawArm
 from validation.hidden.law_flights import FIELD, FIXED, FLOWN, FREE, LawFlight
 from validation.hidden.law_flights import beyond as beyond_data
@@ -115,9 +115,13 @@ def test_scores_are_of_variables():
     assert group['transfer'] == 0.99
     assert scores['false'].value == pytest.approx(1 / 3)
     assert scores['timed'].value == pytest.approx(1 / 3)
-    missed = [check.what for check in judge({'discovery': scores}) if not check.is_met]
+    missed = [
+        check.what
+        for check in CAMPAIGNS['discovery'].judge({'discovery': scores})
+        if not check.is_met
+    ]
     assert len(missed) == 3  # right, wrong, false
-    assert len(tables({'discovery': scores})) == 4
+    assert len(CAMPAIGNS['discovery'].tables({'discovery': scores})) == 4
 
 
 def test_a_cause_counts_by_its_variables_and_where_it_holds():
@@ -154,6 +158,10 @@ def test_learned_laws_count_at_work_and_beyond_their_data():
     assert (work['fed_forward'], work['learned']) == (2, 2)
     assert work['removed'] == pytest.approx(0.75)
     assert (work['beyond'], work['fed_in']) == (1.6, 0.01)
-    missed = [check.what for check in judge({'discovery': scores}) if not check.is_met]
+    missed = [
+        check.what
+        for check in CAMPAIGNS['discovery'].judge({'discovery': scores})
+        if not check.is_met
+    ]
     assert sum('removed' in what for what in missed) == 1
     assert sum('three times' in what or 'feeds in' in what for what in missed) == 2

@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip('mujoco')
 
 from validation.campaigns import CAMPAIGNS, key
-from validation.mujoco.momentum_flights import judge, results, run, trials
+from validation.mujoco.momentum_flights import results, run, trials
 
 KEPT = Path(__file__).resolve().parents[2] / 'validation' / 'records' / 'momentum_flights.jsonl'
 
@@ -30,7 +30,7 @@ def test_kept_records_are_those_of_the_documents():
     records = [json.loads(line) for line in KEPT.read_text(encoding='utf-8').splitlines()]
     assert [r['case'] for r in records] == trials(60, False)
     found = results(records)
-    assert all(check.is_met for check in judge(found))
+    assert all(check.is_met for check in CAMPAIGNS['momentum-flights'].judge(found))
     (table,) = CAMPAIGNS['momentum-flights'].tables(found)
     docs = (KEPT.parents[2] / 'docs' / 'identification.md').read_text(encoding='utf-8')
     for row in table.rows:

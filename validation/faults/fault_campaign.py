@@ -13,7 +13,7 @@ from spacerobot_ros.nodes.program import NODES
 from spacerobot_ros.ros.convert import estimate_message
 from spacerobot_ros.ros.session import Session
 
-from ..campaigns import Check, Results, TrialRecord, grouped, key, kinds
+from ..campaigns import Results, TrialRecord, grouped, key, kinds
 from .damage import damaged_bag, malformed_file
 from .message_fuzz import interleaved
 from .process_faults import FLOODED, RELEASED, STOPPED, broken_in_the_loop, flooded
@@ -26,17 +26,6 @@ _FILES = 50  # of a trial
 _KILLS = 5  # of a trial
 _FLOOD = 60.0  # s
 _HARMLESS = {'refused', 'whole', 'in part', 'loaded'}
-_WORSE, _OFF = 1.2, 5.0  # largest ratio of standard deviations; estimate's error in them
-_GROWN = 0.05  # share by which memory may change
-_WORDS = {
-    'grown': 'share by which memory grew',
-    'spread': 'spread of the estimate',
-    'off': 'error in standard deviations',
-    'zero': 'time until there is no effort [s]',
-    'known': 'time until the estimate is valid again [s]',
-    'error': 'joint error [deg]',
-}
-_VALID, _ERROR = 2.0, 0.5  # s until an estimate is valid again; deg off after a recovery
 
 
 def trials(runs: int, is_quick: bool) -> list[str]:
@@ -150,34 +139,13 @@ def _score(records: Sequence[TrialRecord]) -> TrialRecord:
     }
 
 
-def judge(results: Results) -> list[Check]:
-    """Nothing ends, hangs or spoils a node; no damage passes for data."""
-    out = []
-    for row in results['faults']:
-        name = f'{row["fault"]}, {row["of"]}'
-        limits = {'known': _VALID, 'error': _ERROR}
-        if row['fault'] == 'kills':
-            limits['zero'] = STOPPED if row['of'] == 'simulator' else RELEASED
-        if row['fault'] in ('messages', 'floods'):
-            limits['grown'] = _GROWN
-        if row['of'].endswith(', few'):
-            limits |= {'spread': _WORSE, 'off': _OFF}
-        if row['of'].endswith(', few') or row['fault'] == 'floods':
-            out.append(Check(f'{name}: estimates not valid', row['invalid'], 0, 0))
-        out.append(Check(f'{name}: raised', sum(row['raised'].values()), 0, 0))
-        out.append(Check(f'{name}: numbers not finite', row['not_finite'], 0, 0))
-        out.append(Check(f'{name}: harmful', sum(row['harmful'].values()), 0, 0))
-        for what, high in limits.items():
-            if row[what] is not None:
-                out.append(Check(f'{name}: {_WORDS[what]}', row[what], -1.0, high))
-    return out
-
-
 def shown(results: Results) -> Results:
     """Messages, streams and files; and what is done to processes."""
     rows = [
         {
             **row,
+            **_asked(row['fault'], row['of']),
+            **{f'n_{what}': sum(row[what].values()) for what in ('raised', 'harmful')},
             'ended': _listed(row['raised']) or _listed(row['harmful']) or '-',
             'ends': _listed(row['harmless']) or '-',
             'estimate': '-' if row['off'] is None else f'{row["off"]:.2f}, {row["spread"]:.2f}',
@@ -185,7 +153,19 @@ def shown(results: Results) -> Results:
         for row in results['faults']
     ]
     loops = [row for row in rows if row['fault'] in ('kills', 'starved')]
-    return {'loops': loops, 'others': [row for row in rows if row not in loops]}
+    return {'faults': rows, 'loops': loops, 'others': [row for row in rows if row not in loops]}
+
+
+def _asked(fault: str, of: str) -> TrialRecord:
+    """Which figures are asked of a row."""
+    is_few = of.endswith(', few')
+    return {
+        'is_few': is_few,
+        'is_estimated': is_few or fault == 'floods',
+        'is_long': fault in ('messages', 'floods'),
+        'is_killed': fault == 'kills',
+        'zero_within': STOPPED if of == 'simulator' else RELEASED,
+    }
 
 
 def _listed(counts: dict[str, int]) -> str:

@@ -32,7 +32,6 @@ from .diagnosis_draw import drawn, places
 from .diagnosis_judge import NOT_SIMULATED, REFUSED, cause_record
 from .diagnosis_scenario import DURATION, truth_of
 from .diagnosis_score import drawings as drawings
-from .diagnosis_score import judge as judge
 from .diagnosis_score import results as results
 from .diagnosis_score import shown as shown
 

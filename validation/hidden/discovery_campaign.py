@@ -22,7 +22,7 @@ from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.recording.record import Record
 from spacerobot_ros.types import Array
 
-from ..campaigns import Check, Results, TrialRecord, grouped, key
+from ..campaigns import Results, TrialRecord, grouped, key
 from ..shares import share_of
 from .hidden_laws import COLOURS, INSIDE, LAWS, LawArm, variables_of
 from .law_flights import FIELD, FIXED, FLOWN, FREE, LawFlight, beyond
@@ -164,17 +164,10 @@ _OUTCOMES = ('own', 'named', 'false', 'misnamed', 'line', 'missed')
 on another motion; a law of others; other causes; only the line of a noise that is one; none, or
 a function of the time that may be of these variables as well."""
 
-# figures to reach, of laws in the grammar by their size over what is left, and of others
-_RIGHT = {3.0: (0.95, 1.0), 1.0: (0.7, 1.0)}  # shares with the right variables
-_OUTSIDE = (0.7, 1.0)
-_WRONG = {3.0: (0.0, 0.05), 1.0: (0.0, 0.0)}  # and with wrong ones
-_WRONG_OUTSIDE = (0.0, 0.02)
-_TRANSFER = {3.0: (0.95, 1.0)}  # median R2 on another motion
-_TRANSFER_OUTSIDE = (0.8, 1.0)
-_FALSE = (0.0, 0.01)  # of machines without a law: `discovery_limits.CHANCE`
-_REMOVED = (0.8, 1.0)  # of the tracking error that a law causes, median
-_BEYOND = (0.0, 1.5)  # of the largest trained torque, at three times the speed
-_FED = (0.0, 1e-6)  # of what friction exchanges
+# figures to reach, of laws in the grammar by their size over what is left, and of others: least
+# share with the right variables, largest with wrong ones, least median R2 on another motion
+_INSIDE = {3.0: (0.95, 0.05, 0.95), 1.0: (0.7, 0.0, None)}
+_OUTSIDE = (0.7, 0.02, 0.8)
 
 
 def results(records: Sequence[TrialRecord]) -> Results:
@@ -263,7 +256,7 @@ def _is_explained(record: TrialRecord) -> bool:
     place = record['where']
     own = [_OF_CAUSES.get(kind, ('other',)) for kind, where in record['named'] if where == place]
     named = {f'{quantity}/{place}' for quantities in own for quantity in quantities}
-    return named == set(record['variables']) and record['r2'] > _TRANSFER_OUTSIDE[0]
+    return named == set(record['variables']) and record['r2'] > _OUTSIDE[2]
 
 
 def _outcome(record: TrialRecord) -> str:
@@ -298,33 +291,16 @@ def _score(records: Sequence[TrialRecord]) -> dict[str, Any]:
     }
 
 
-def judge(results: Results) -> list[Check]:
-    """Right variables, laws that hold on other motions, few false ones."""
-    out = []
-    for s in results['discovery']['groups']:
-        ratio, is_outside = float(s['group'].rpartition(' ')[2]), ', outside' in s['group']
-        right = _OUTSIDE if is_outside else _RIGHT[ratio]
-        wrong = _WRONG_OUTSIDE if is_outside else _WRONG[ratio]
-        out.append(Check(f'{s["group"]}: variables right', s['right'].value, *right))
-        out.append(Check(f'{s["group"]}: variables wrong', s['wrong'].value, *wrong))
-        transfer = _TRANSFER_OUTSIDE if is_outside else _TRANSFER.get(ratio)
-        if transfer and np.isfinite(s['transfer']):
-            out.append(Check(f'{s["group"]}: median R2, other motion', s['transfer'], *transfer))
-    for s in results['discovery']['applied']:
-        if s['fed_forward']:
-            what = f'{s["machines"]}: tracking error by the law that is removed, median'
-            out.append(Check(what, s['removed'], *_REMOVED))
-        if s['learned']:
-            what = f'{s["machines"]}: torque at three times the speed, by the largest trained'
-            out.append(Check(what, s['beyond'], *_BEYOND))
-            out.append(Check(f'{s["machines"]}: power that friction feeds in', s['fed_in'], *_FED))
-    if results['discovery']['false'].total:
-        value = results['discovery']['false'].value
-        out.append(Check('machines without a law with a discovery', value, *_FALSE))
-    return out
-
-
 def shown(results: Results) -> Results:
-    """With false claims as text."""
-    claims = (', '.join(map(str, claim)) for claim in results['discovery']['false_claims'])
-    return {**results, 'claims': '; '.join(claims) or '-'}
+    """With false claims as text, and what is asked of a group."""
+    s = results['discovery']
+    claims = (', '.join(map(str, claim)) for claim in s['false_claims'])
+    asked = [
+        _OUTSIDE if ', outside' in g['group'] else _INSIDE[float(g['group'].rpartition(' ')[2])]
+        for g in s['groups']
+    ]
+    names = ('least_right', 'most_wrong', 'least_transfer')
+    groups = [
+        {**g, **dict(zip(names, a, strict=True))} for g, a in zip(s['groups'], asked, strict=True)
+    ]
+    return {'discovery': {**s, 'groups': groups}, 'claims': '; '.join(claims) or '-'}

@@ -19,7 +19,6 @@ from spacerobot_ros.recording.record import Record
 
 from ..hidden import diagnosis_campaign
 from ..hidden.diagnosis_campaign import drawings as drawings
-from ..hidden.diagnosis_campaign import judge as judge
 from ..hidden.diagnosis_campaign import results as results
 from ..hidden.diagnosis_campaign import run as run
 from ..hidden.diagnosis_campaign import shown as shown
