@@ -102,7 +102,7 @@ def checks_of(name: str, results: Mapping[str, Any]) -> Iterator[Check]:
     path, seen = Path(__file__).parent / 'tables' / f'{name}.yaml', _readable(results)
     for entry in read_yaml(path, 'tables')['checks']:
         listed = (line.split(' | ') for line in entry['figures'].splitlines())
-        wanted = [(own + ['', ''])[:6] for own in listed]
+        wanted = [[*own, '', ''][:6] for own in listed]
         for row in _rows(_at(seen, entry['rows']) if 'rows' in entry else [seen]):
             for what, where, low, high, unit, given in (
                 own + ['', ''][len(own) - 4 :] for own in wanted

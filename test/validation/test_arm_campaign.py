@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from support.campaigns import missed
 
 from spacerobot_ros.estimation.balance.balance import balance_of
 from spacerobot_ros.estimation.trajectory.observations import observed
@@ -51,8 +52,8 @@ def test_scores_by_hand():
     (cause,) = own['causes']
     assert (cause['missed'], cause['taken_for']) == (1, {'torque_sensor_bias': 1})
     assert found['compare']['first'] == Share(1, 1)
-    missed = [check.what for check in CAMPAIGNS['arms'].judge({'arms': found}) if not check.is_met]
-    assert missed == [
+    wrong = missed('arms', {'arms': found})
+    assert wrong == [
         'machines without a cause with a name',
         'causes named first',
         'diagnose: rms error by standard deviation',

@@ -120,7 +120,7 @@ def test_scores_are_of_variables():
         for check in CAMPAIGNS['discovery'].judge({'discovery': scores})
         if not check.is_met
     ]
-    assert len(missed) == 3  # right, wrong, false
+    assert len(wrong) == 3  # right, wrong, false
     assert len(CAMPAIGNS['discovery'].tables({'discovery': scores})) == 4
 
 
@@ -163,5 +163,5 @@ def test_learned_laws_count_at_work_and_beyond_their_data():
         for check in CAMPAIGNS['discovery'].judge({'discovery': scores})
         if not check.is_met
     ]
-    assert sum('removed' in what for what in missed) == 1
-    assert sum('three times' in what or 'feeds in' in what for what in missed) == 2
+    assert sum('removed' in what for what in wrong) == 1
+    assert sum('three times' in what or 'feeds in' in what for what in wrong) == 2

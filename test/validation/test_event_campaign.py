@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.campaigns import missed
 from support.diagnosis import hand_made
 
 from spacerobot_ros.diagnosis.events.event import Event, EventLimit, Events
@@ -158,8 +159,8 @@ def test_scores_by_size_and_false_events_by_the_hour():
     moving, still = every['events']['quiet']
     assert moving['per_hour'] == pytest.approx(50.0)  # one in two records of a hundredth
     assert (still['unjudged'], moving['unjudged']) == (1, 0)
-    missed = [check.what for check in CAMPAIGNS['events'].judge(every) if not check.is_met]
-    assert missed == ['arms that move: false events an hour']
+    wrong = missed('events', every)
+    assert wrong == ['arms that move: false events an hour']
     assert len(CAMPAIGNS['events'].tables(every)) == 2
 
 
@@ -170,7 +171,7 @@ def test_late_or_wrong_sizes_are_missed():
         for check in CAMPAIGNS['events'].judge(bad)
         if not check.is_met
     }
-    assert missed == {'named', 'middle, 95 % within', 'size, median error'}
+    assert wrong == {'named', 'middle, 95 % within', 'size, median error'}
 
 
 def test_times_of_steps_count_by_their_deviation():
@@ -180,4 +181,4 @@ def test_times_of_steps_count_by_their_deviation():
         for c in CAMPAIGNS['events'].judge(results([record(*steps, kind='base')]))
         if not c.is_met
     ]
-    assert missed == ['free bases, wheels unknown, snr 40: middle by its deviation, 95 % within']
+    assert wrong == ['free bases, wheels unknown, snr 40: middle by its deviation, 95 % within']
