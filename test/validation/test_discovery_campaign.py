@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from support.campaigns import missed
 
 from spacerobot_ros.effects.laws.learned_torque import law_at
 from validation.campaigns import CAMPAIGNS
@@ -115,12 +116,8 @@ def test_scores_are_of_variables():
     assert group['transfer'] == 0.99
     assert scores['false'].value == pytest.approx(1 / 3)
     assert scores['timed'].value == pytest.approx(1 / 3)
-    missed = [
-        check.what
-        for check in CAMPAIGNS['discovery'].judge({'discovery': scores})
-        if not check.is_met
-    ]
-    assert len(wrong) == 3  # right, wrong, false
+    unreached = missed('discovery', {'discovery': scores})
+    assert len(unreached) == 3  # right, wrong, false
     assert len(CAMPAIGNS['discovery'].tables({'discovery': scores})) == 4
 
 
@@ -158,10 +155,6 @@ def test_learned_laws_count_at_work_and_beyond_their_data():
     assert (work['fed_forward'], work['learned']) == (2, 2)
     assert work['removed'] == pytest.approx(0.75)
     assert (work['beyond'], work['fed_in']) == (1.6, 0.01)
-    missed = [
-        check.what
-        for check in CAMPAIGNS['discovery'].judge({'discovery': scores})
-        if not check.is_met
-    ]
-    assert sum('removed' in what for what in wrong) == 1
-    assert sum('three times' in what or 'feeds in' in what for what in wrong) == 2
+    unreached = missed('discovery', {'discovery': scores})
+    assert sum('removed' in what for what in unreached) == 1
+    assert sum('three times' in what or 'feeds in' in what for what in unreached) == 2
