@@ -31,9 +31,7 @@ from ..campaigns import TrialRecord, grouped
 from .diagnosis_draw import drawn, places
 from .diagnosis_judge import NOT_SIMULATED, REFUSED, cause_record
 from .diagnosis_scenario import DURATION, truth_of
-from .diagnosis_score import drawings as drawings
-from .diagnosis_score import results as results
-from .diagnosis_score import shown as shown
+from .diagnosis_score import drawings, results, shown  # noqa: F401  the campaign's
 
 MULTIPLES = (1.0, 3.0, 10.0)
 _SEEDS = 2  # of every effect on every robot, at the strengths that figures are asked of

@@ -18,10 +18,7 @@ from spacerobot_ros.errors import SimulationDivergedError
 from spacerobot_ros.recording.record import Record
 
 from ..hidden import diagnosis_campaign
-from ..hidden.diagnosis_campaign import drawings as drawings
-from ..hidden.diagnosis_campaign import results as results
-from ..hidden.diagnosis_campaign import run as run
-from ..hidden.diagnosis_campaign import shown as shown
+from ..hidden.diagnosis_campaign import drawings, results, run, shown  # noqa: F401  the campaign's
 from ..replay.machines import machine
 from .run import Excitation
 from .sensors import Sensors

@@ -159,15 +159,12 @@ def run(key: str) -> TrialRecord:
         'off': off,
         'joints': len(machine.joints),
         'slides': any(b.joint.get('type') == 'slide' for b in bodies.values()),
-        'valid': estimate.valid,
-        'reason': estimate.reason,
+        **{name: getattr(estimate, name) for name in ('valid', 'reason', 'rank', 'unknowns')},
         'error_percent': 100.0 * float(np.linalg.norm(error) / size),
         'z': (error / estimate.std[:3]).tolist(),
         'std_percent': 100.0 * float(np.max(estimate.std[:3]) / size),
         'chi2': estimate.chi2_per_dof,
         'factor': estimate.prior_factor,
-        'rank': estimate.rank,
-        'unknowns': estimate.unknowns,
         'cpu_s': time.process_time() - begun,
     }
 
