@@ -100,11 +100,6 @@ def measure(n: int, duration: float, states_noise: bool, few: bool, folder: Path
         'before_mb': before / 1024.0,
         'peak_mb': resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
         'verdict': found.verdict,
-        'causes': [
-            f'{c.applied.id}@{c.applied.where} {e.value:.5g} +- {e.std:.2g}'
-            for c in found.causes
-            for e in c.parameters.values()
-        ],
     }
 
 

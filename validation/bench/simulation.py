@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 import servicer
 from nodes import options
-from scipy.integrate import DOP853
+from scipy.integrate import solve_ivp
 
 HERE = Path(__file__).resolve().parent
 # Script, module that it needs, name of its environment.
@@ -111,18 +111,13 @@ def reference(scenario: str) -> tuple[np.ndarray, np.ndarray]:
     spans = itertools.pairwise(edges) if held else [(0.0, servicer.DURATION)]
     for start, end in spans:
         tau = servicer.torque(start)
-        solver = DOP853(
+        model.x = solve_ivp(
             lambda t, x, tau=tau: model.rate(x, tau if held else servicer.torque(t)),
-            start,
+            (start, end),
             model.x,
-            end,
-            rtol=1e-13,
-            atol=1e-15,
-            first_step=min(0.01, end - start),
-        )
-        while solver.status == 'running':
-            solver.step()
-        model.x = solver.y
+            'DOP853',
+            **{'rtol': 1e-13, 'atol': 1e-15, 'first_step': min(0.01, end - start)},
+        ).y[:, -1]
     *_, q, _, attitude = model.state()
     return attitude / np.linalg.norm(attitude), q[:3]
 
