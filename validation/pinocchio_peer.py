@@ -37,13 +37,10 @@ def peer(robot: Robot) -> Peer:
         ids[0] = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), 'base')
         model.appendBodyToJoint(ids[0], pin.Inertia(*robot.bodies[0].solid), pin.SE3.Identity())
     ids += [-1] * robot.n_joints
+    slides, turns = pin.JointModelPrismaticUnaligned, pin.JointModelRevoluteUnaligned
     for index in tree_order(robot.bodies):
         body = robot.bodies[index]
-        kind = (
-            pin.JointModelPrismaticUnaligned
-            if body.is_prismatic
-            else pin.JointModelRevoluteUnaligned
-        )
+        kind = slides if body.is_prismatic else turns
         placement = pin.SE3(body.rotation, body.translation)
         ids[index] = model.addJoint(
             ids[body.parent], kind(body.axis), placement, robot.joints[index - 1]

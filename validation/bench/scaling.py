@@ -140,16 +140,13 @@ def draw(sweeps: dict[str, list[dict]], path: Path) -> None:
     from spacerobot_ros.display import Curve, Panel
     from validation.results.draw import curves
 
+    def curve(what: str, key: str) -> Curve:
+        rows = sweeps[what]
+        return Curve(what.split(' [')[0], [r['duration'] for r in rows], [r[key] for r in rows])
+
+    lengths = [what for what in sweeps if 'length' in what]
     panels = [
-        Panel(
-            title,
-            unit,
-            [
-                Curve(what.split(' [')[0], [r['duration'] for r in rows], [r[key] for r in rows])
-                for what, rows in sweeps.items()
-                if 'length' in what
-            ],
-        )
+        Panel(title, unit, [curve(what, key) for what in lengths])
         for title, unit, key in (('processor time', 's', 'cpu_s'), ('memory', 'MB', 'more_mb'))
     ]
     curves(panels, 'length of the record [s]', path)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from operator import itemgetter
 
 import numpy as np
@@ -24,21 +24,15 @@ _TIMED = 60.0  # s of flight whose processor time is counted
 
 def trials(runs: int, is_quick: bool) -> list[str]:
     """Quarter hours without a fault of each robot, and a flight with each fault of each size."""
-    return list(
-        _flights(runs, ROBOTS[:1], _QUICK_LENGTH, _QUICK_SIZES)
-        if is_quick
-        else _flights(runs, ROBOTS, _LENGTH, _SIZES)
-    )
-
-
-def _flights(runs: int, robots: Sequence[str], length: float, sizes: int) -> Iterator[str]:
-    for robot in robots:
-        for seed in range(1, runs + 1):
-            yield key('nominal', robot, seed, length)
-    for name, fault in FAULTS.items():
-        for robot in robots:
-            for size in fault.sizes[-sizes:] if robot in fault.robots else ():
-                yield key('faulty', robot, 1, name, size)
+    robots = ROBOTS[:1] if is_quick else ROBOTS
+    length, sizes = (_QUICK_LENGTH, _QUICK_SIZES) if is_quick else (_LENGTH, _SIZES)
+    quiet = [key('nominal', robot, seed + 1, length) for robot in robots for seed in range(runs)]
+    return quiet + [
+        key('faulty', robot, 1, name, size)
+        for name, fault in FAULTS.items()
+        for robot in robots
+        for size in (fault.sizes[-sizes:] if robot in fault.robots else ())
+    ]
 
 
 def run(key: str) -> TrialRecord:

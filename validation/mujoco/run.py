@@ -10,9 +10,11 @@ import mujoco
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from ..replay.machines import Machine
 from ..replay.plant import Motion
 from .plan import Plan
 
+ATTITUDE = np.array([0.2, 0.1, 0.3, 0.927]) / np.linalg.norm([0.2, 0.1, 0.3, 0.927])  # xyzw
 STICTION = 2e-3  # rad/s: dry friction changes its sign over this rate, or over what the step needs
 
 
@@ -190,38 +192,35 @@ def _inertias(trial: Simulation, times: np.ndarray, q: np.ndarray) -> np.ndarray
 
 def simulate(
     plan: Plan,
-    q0: np.ndarray,
-    attitude_xyzw: np.ndarray,
-    omega: np.ndarray,
+    machine: Machine,
     excitation: Excitation,
     duration: float,
     rng: np.random.Generator,
-    seen: Seen | None = None,
+    seen: Seen,
 ) -> History:
     """Follow a motion.
 
     Args:
         plan: The robot and what it hides.
-        q0: (n,) joints at the start [rad].
-        attitude_xyzw: (4,) base attitude at the start.
-        omega: (3,) base rate at the start, in base coordinates [rad/s].
+        machine: Where it starts.
         excitation: Motion and control.
         duration: [s].
         rng: For the motion.
-        seen: What the controller is told at control period k: positions and rates; None: truth.
+        seen: What the controller is told at control period k: positions and rates.
     """
+    start = machine.q0, ATTITUDE, np.array(machine.omega)
     trial = Simulation(plan, 1e-3)
-    trial.place(q0, attitude_xyzw, omega)
+    trial.place(*start)
     H = trial.inertia()
     dt = step_size(plan, H, excitation.period_control)
     sim = Simulation(plan, dt)
-    sim.place(q0, attitude_xyzw, omega)
+    sim.place(*start)
     least = dict(zip(plan.joints, np.diag(np.linalg.inv(H)).tolist(), strict=True))
     widths = (0.5 * dt * torque * least[j] for j, torque in plan.dry.items())
     sim.stiction = max([STICTION, *widths])
     b = excitation.bandwidth
     halves = np.arange(2 * round((duration + 2.0 * excitation.period_control) / dt)) * 0.5 * dt
-    reference = Reference(q0, excitation, rng).at(halves)  # stages fall on half steps
+    reference = Reference(machine.q0, excitation, rng).at(halves)  # stages fall on half steps
     inertias = _inertias(trial, halves, reference[:, 0])
 
     def law(t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:

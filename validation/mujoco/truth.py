@@ -28,7 +28,6 @@ from .run import EXCITATIONS, Excitation, History, Seen, simulate
 from .sensors import RATES, Sensors, noise_of, sample, stream, to_record, write_bag
 
 _HERE = Path(__file__).with_name('robots')
-_ATTITUDE = np.array([0.2, 0.1, 0.3, 0.927]) / np.linalg.norm([0.2, 0.1, 0.3, 0.927])
 
 
 def robot_of(urdf: str, joints: Sequence[str], q0: Sequence[float], **further: Any) -> Machine:
@@ -95,16 +94,8 @@ def generate(
     sensors = sensors or Sensors(effort_std=what.effort_std)
     plan = planned(what, effects)
     errors = noise_of(sensors, seed, len(plan.joints), duration, noise)
-    history = simulate(
-        plan,
-        what.q0,
-        _ATTITUDE,
-        np.array(what.omega),
-        motion,
-        duration,
-        stream(seed, 20),
-        _seen(plan, motion, errors),
-    )
+    seen = _seen(plan, motion, errors)
+    history = simulate(plan, what, motion, duration, stream(seed, 20), seen)
     held = motion.period_control if motion.control == 'held' else None
     sampled = sample(plan, history, errors, held, sensors.effort_mean)
     record = to_record(plan, *sampled, f'truth of seed {seed}')

@@ -11,7 +11,7 @@ from typing import Any
 from spacerobot_ros.control.adaptive.law_signals import AdaptiveSettings
 
 from ..campaigns import Results, TrialRecord, key, kinds, without
-from .adaptive_judge import drawings, identities, judge, shown  # noqa: F401  the campaign's
+from .adaptive_judge import drawings, identities, shown  # noqa: F401  the campaign's
 from .adaptive_run import TIMED, LoopCase, cycle_time, run_case
 
 LAWS = (
