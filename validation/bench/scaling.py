@@ -104,11 +104,10 @@ def measure(n: int, duration: float, states_noise: bool, few: bool, folder: Path
 
 
 BASE = {'n': 7, 'duration': 20.0, 'states_noise': True, 'few': False}
+_UNKNOWN = {'states_noise': False}
 SWEEPS = {  # what grows, and the way to make rows
     'length of the record [s]': [{'duration': d} for d in (10.0, 20.0, 40.0, 80.0)],
-    'length, noise unknown [s]': [
-        {'duration': d, 'states_noise': False} for d in (15.0, 30.0, 60.0)
-    ],
+    'length, noise unknown [s]': [{'duration': d, **_UNKNOWN} for d in (15.0, 30.0, 60.0)],
     'number of joints': [{'n': n, 'duration': 10.0} for n in (3, 7, 15, 30)],
     'number of effects': [{'few': few} for few in (True, False)],
 }

@@ -6,6 +6,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -28,29 +29,30 @@ _FLOOD = 60.0  # s
 _HARMLESS = {'refused', 'whole', 'in part', 'loaded'}
 
 
+_PLACES = {
+    'bags': ('cut', 'flipped'),
+    'files': ('robot file', 'URDF', 'mapping'),
+    'streams': STREAMS,
+}
+
+
 def trials(runs: int, is_quick: bool) -> list[str]:
     """Odd messages and kills for each node, streams that go wrong, damaged, malformed files."""
-    return list(_trials(runs, 10 if is_quick else 1))
+    return [key(*parts) for parts in _trials(runs, 10 if is_quick else 1)]
 
 
-def _trials(runs: int, part: int) -> Iterator[str]:
+def _trials(runs: int, part: int) -> Iterator[tuple[Any, ...]]:
     messages, kills, flood = _MESSAGES // part, max(1, _KILLS // part), _FLOOD / part
     for seed in range(1, runs + 1):
         for node in NODES:
-            yield key('kills', node, seed, kills)
-            yield key('starved', node, seed, kills)
-        yield key('kills', 'controller in real time', seed, kills)
-        for topic in FLOODED if seed == 1 else ():
-            yield key('floods', topic, seed, flood)
-        for node in NODES:
-            yield key('messages', node, seed, messages)
-        yield key('messages', 'identifier', seed, _FEW)
-        for what in ('cut', 'flipped'):
-            yield key('bags', what, seed)
-        for what in ('robot file', 'URDF', 'mapping'):
-            yield key('files', what, seed)
-        for what in STREAMS:
-            yield key('streams', what, seed)
+            yield 'kills', node, seed, kills
+            yield 'starved', node, seed, kills
+        yield 'kills', 'controller in real time', seed, kills
+        yield from (('floods', topic, seed, flood) for topic in FLOODED if seed == 1)
+        yield from (('messages', node, seed, messages) for node in NODES)
+        yield 'messages', 'identifier', seed, _FEW
+        for kind, places in _PLACES.items():
+            yield from ((kind, what, seed) for what in places)
 
 
 def run(key: str) -> TrialRecord:

@@ -189,9 +189,8 @@ class RealArm:
     def _motor(self, rng: np.random.Generator, q: Array, qd: Array, qdd: Array) -> Array:
         """(N, n) torques with all that no cause is [N m]."""
         data, share = self.model.createData(), self.leftover * COULOMB
-        rigid = np.array(
-            [pin.rnea(self.model, data, *state) for state in zip(q, qd, qdd, strict=True)]
-        )
+        states = zip(q, qd, qdd, strict=True)
+        rigid = np.array([pin.rnea(self.model, data, *state) for state in states])
         direction = np.tanh(qd / _CREEP)
         level = _BY_RUN * rng.standard_normal(6) + _DRIFT * _wandering(rng, len(q), _DRIFT_TIME)
         torque = rigid + COULOMB * direction + VISCOUS * qd + share * level * direction

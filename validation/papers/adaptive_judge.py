@@ -167,11 +167,7 @@ def _reached(results: Results) -> TrialRecord:
         **{'attitude': attitude, 'joints': joints, 'runs': len(runs)},
         **{name: errors[name][1] for name in ('Ixx', 'mass')},
         'torque': 100.0 * (sum(noisy) / len(noisy)),
-        'cycle': {
-            t['law']: t['median']
-            for t in results['cycle_us']
-            if t['physical_consistency'] == 'none'
-        },
+        'cycle': {t['law']: t['median'] for t in timed if t['physical_consistency'] == 'none'},
     }
 
 

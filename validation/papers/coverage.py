@@ -45,13 +45,11 @@ def run(key: str) -> TrialRecord:
     record = noisy_record(joints, motion, 1.0, seed, _ATTITUDE_EVERY)
     found = {name: estimate(record, case, 1.0, name) for name in METHODS}
     methods = {
-        name: {
+        method: {
             'value': [*e.aam.tolist(), *e.parameters.tolist()],
-            'std': e.std,
-            'chi2_per_dof': e.chi2_per_dof,
-            'valid': e.valid,
+            **{name: getattr(e, name) for name in ('std', 'chi2_per_dof', 'valid')},
         }
-        for name, e in found.items()
+        for method, e in found.items()
     }
     return {'seed': seed, 'axes': axes, 'methods': methods}
 

@@ -61,9 +61,8 @@ class LinearSystem:
     @property
     def condition(self) -> tuple[float, float]:
         """Condition number of A, and of A with unit columns (its columns have different units)."""
-        return float(np.linalg.cond(self.A)), float(
-            np.linalg.cond(self.A / np.linalg.norm(self.A, axis=0))
-        )
+        scaled = self.A / np.linalg.norm(self.A, axis=0)
+        return float(np.linalg.cond(self.A)), float(np.linalg.cond(scaled))
 
     def solve(self) -> Array:
         """(3 + k,) least-squares solution, columns scaled to unit norm first."""
@@ -168,9 +167,8 @@ def _conditions(raw_and_unit: tuple[float, float] | None) -> dict[str, float | N
 METHODS = ('paper', 'ls', 'recursive', 'ml')
 TRACKED = ('ls', 'recursive', 'ml')
 """Methods whose estimate of the first record is tracked with."""
-_WRONG = np.array(
-    [1.25, 1.5, 0.5, 1.5]
-)  # factors on each body's inertial parameters before identification
+# factors on each body's inertial parameters before identification
+_WRONG = np.array([1.25, 1.5, 0.5, 1.5])
 
 
 def noisy_run(axes: str, scale: float, seed: int) -> dict[str, Any]:

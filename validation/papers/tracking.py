@@ -8,6 +8,7 @@ perfect on the paper's plant and fails on the correct one.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -117,11 +118,8 @@ def _simulate(
 
 def _miss(dynamics: Dynamics, x: Array, wanted: Array) -> float:
     actual = State.from_vector(x)
-    desired = State(
-        actual.p_WB, actual.q_WB_xyzw, wanted, actual.v_WB_B, actual.omega_WB_B, actual.qd
+    places = (
+        dynamics.body_position(state, len(wanted), _END_EFFECTOR)
+        for state in (actual, replace(actual, q=wanted))
     )
-    last = len(wanted)
-    gap = dynamics.body_position(actual, last, _END_EFFECTOR) - dynamics.body_position(
-        desired, last, _END_EFFECTOR
-    )
-    return float(np.linalg.norm(gap))
+    return float(np.linalg.norm(np.subtract(*places)))

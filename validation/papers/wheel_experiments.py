@@ -62,16 +62,12 @@ def run(key: str) -> TrialRecord:
     return _RUN[kind](*arguments)
 
 
-def _bound(axes: str, scale: float) -> TrialRecord:
-    return {'axes': axes, 'noise_scale': scale, 'std': bound_of(axes, scale)}
-
-
 _RUN: dict[str, Any] = {
     'noisy': noisy_run,
     'soft': soft_bandwidth,
     'noise_free': lambda *of: {'structures': noise_free(*of)},
     'track': track,
-    'bound': _bound,
+    'bound': lambda axes, x: {'axes': axes, 'noise_scale': x, 'std': bound_of(axes, x)},
 }
 
 
@@ -149,7 +145,7 @@ def shown(results: Results) -> Results:
             {**s, **_scored(s), 'name': _METHODS[s['method']], 'aam': max(s['aam_rmse_percent'])}
             for s in results['estimators']
         ],
-        'bounds': [{**b, **_bound_row(**b)} for b in results['cramer_rao']],
+        'bounds': [{**b, **_bound(**b)} for b in results['cramer_rao']],
         'tracking': [{**r, **_tracked(r), 'name': _LAWS[r['law']]} for r in results['tracking']],
         'soft_gains': [
             {**r, 'Kp': r['bandwidth'] ** 2, 'Kd': 2.0 * r['bandwidth']}
@@ -198,7 +194,7 @@ def _scored(s: TrialRecord) -> TrialRecord:
     return {'most': limit and limit + 2.0 / (2.0 * s['runs']) ** 0.5}
 
 
-def _bound_row(axes: str, noise_scale: float, std: Sequence[float]) -> TrialRecord:
+def _bound(axes: str, noise_scale: float, std: Sequence[float]) -> TrialRecord:
     aam, base = paper.BOUND_REFERENCE[axes].values()
     percent = 100.0 * np.array(std) / np.abs(true_values(axes))
     wanted = ' '.join(f'{noise_scale * x:.3g}' for x in aam)
