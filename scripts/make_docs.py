@@ -8,7 +8,7 @@ their `--help`, effects by the catalogue, the API by docstrings.
 
 from __future__ import annotations
 
-import argparse
+import importlib
 import os
 import shutil
 import sys
@@ -69,17 +69,19 @@ def _write(path: Path, text: str) -> None:
 
 def _commands() -> Iterator[str]:
     """Every command's help."""
-    from spacerobot_ros.cli.main import COMMANDS, whole_parser
+    from click import Context
+
+    from spacerobot_ros.cli.commands import COMMANDS, spacerobot
 
     os.environ['COLUMNS'] = _WIDTH
-    parser = whole_parser()
-    yield '# Commands\n\n```\n' + parser.format_help().replace('```', '') + '```\n'
-    subparsers = next(
-        a for a in parser._actions if isinstance(a, argparse._SubParsersAction)
-    ).choices
-    for name, summary in COMMANDS.items():
+    root = Context(spacerobot, info_name='spacerobot', **spacerobot.context_settings)
+    yield f'# Commands\n\n```\n{spacerobot.get_help(root)}\n```\n'
+    for name in COMMANDS:
+        command = importlib.import_module(f'spacerobot_ros.cli.{name}').run
+        summary = command.get_short_help_str(1000)
         yield f'## spacerobot {name}\n\n{summary[:1].upper()}{summary[1:]}.\n'
-        yield f'```\n{subparsers[name].format_help()}```\n'
+        help_text = command.get_help(Context(command, info_name=name, parent=root))
+        yield f'```\n{help_text}\n```\n'
 
 
 def _catalogue() -> Iterator[str]:

@@ -1,7 +1,7 @@
 """Tasks on a Dask cluster: processes of our own on this machine, or a cluster that exists.
 
-A worker has one task at a time, given to it by name: whatever ends its process costs that task an
-attempt and no other. Which workers there are is asked again and again, so they may come and go.
+Dask retries what raises and what its workers' deaths interrupt. As many tasks are given to it as
+it has workers, so that a task that ends its process takes no other along.
 """
 
 from __future__ import annotations
@@ -11,33 +11,36 @@ import hashlib
 import logging
 import os
 import sys
+import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, version
-from itertools import count
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import dask
-from distributed import Client, Future, LocalCluster, wait
+from distributed import CancelledError, Client, Future, KilledWorker, LocalCluster, wait
+from distributed.protocol.pickle import dumps, loads
 
 from .. import __version__
 from ..errors import ConfigurationError
 from ..formats import counted
-from .workers import ATTEMPTS, Outcome, Workers, attempt, in_a_line
+from .workers import ATTEMPTS, Outcome, TaskError, Workers, attempt, in_a_line
 
 _HOST = '127.0.0.1'
 _ANSWER = 15.0  # s in which a scheduler answers
-_LOOK = 0.5  # s after which workers are asked for again
-_GRACE = 10.0  # s beyond a task's time after which its worker is given up, should it not end
+_LOOK = 0.5  # s after which workers are counted again
 _NUMBERS = ('numpy', 'scipy', 'numba', 'pin')  # what results depend on beside the package
 _CONFIG = {
-    # one attempt: what is tried again is decided here
-    'distributed.scheduler.allowed-failures': 0,
+    'distributed.scheduler.allowed-failures': ATTEMPTS - 1,
+    'distributed.scheduler.worker-saturation': 1.0,  # nothing waits beside a task that may crash
+    # A process that restarts on a busy machine is not given up after 15 s; where none restarts,
+    # tasks do not wait for ever.
+    'distributed.deploy.lost-worker-timeout': '1h',
+    'distributed.scheduler.no-workers-timeout': '5 minutes',
     # results are small; a process beyond its share is ended, not slowed
     'distributed.worker.memory.target': False,
     'distributed.worker.memory.spill': False,
@@ -46,12 +49,71 @@ _CONFIG = {
 }
 _NO_PAGES: dict[str, Any] = {'distributed.scheduler.http.routes': []}
 _THREADS = {name: '1' for name in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS')}
+_DEAF = 'import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)'
+"""Of a terminal's Ctrl-C the workers hear, too; it is this process that ends them."""
+_ONE = threading.Lock()
+"""One task at a time in a process, which has one watchdog."""
 
 
 def spread(run: Callable[[str], Any], keys: Iterable[str], workers: Workers) -> Iterator[Outcome]:
     """Run every task on a cluster; see `runner.outcomes`."""
+    waiting, own = iter(keys), identity()
+    running: dict[Future, tuple[str, float, int]] = {}
+    unfit: dict[str, str] = {}
     with _client(workers) as client:
-        yield from _Spread(client, run, workers).outcomes(keys)
+
+        def begin(key: str) -> None:
+            task = dumps(partial(guarded, run, key, workers.timeout, own))
+            fit = list(client.nthreads().keys() - unfit) if unfit else None
+            future = client.submit(
+                _caller(), task, pure=False, retries=ATTEMPTS - 1,
+                workers=fit, allow_other_workers=bool(unfit),
+            )  # fmt: skip
+            running[future] = key, time.monotonic(), len(unfit)
+
+        while True:
+            number = max(1, len(client.nthreads().keys() - unfit))
+            for key in islice(waiting, max(0, number - len(running))):
+                begin(key)
+            if not running:
+                return
+            with suppress(TimeoutError):
+                wait(list(running), timeout=_LOOK, return_when='FIRST_COMPLETED')
+            for future in [one for one in running if one.done()]:
+                key, since, known = running.pop(future)
+                found = future.exception() or future.result()
+                if isinstance(found, Outcome):
+                    yield found
+                elif isinstance(found, TaskError | KilledWorker):
+                    yield Outcome(key, failure=_why(found, time.monotonic() - since, workers))
+                else:  # its worker has other versions, or can not even load it
+                    unfit |= _unfit(client, own, workers, unfit, found)
+                    if len(unfit) > known:
+                        begin(key)
+                    else:
+                        yield Outcome(key, failure=in_a_line(found, is_ours=True))
+
+
+def _caller() -> Callable[[bytes], Any]:
+    """Calls a task; a function in here is sent by value: who can not import one closes."""
+
+    def called(task: bytes) -> Any:
+        try:
+            call = loads(task)
+        except (ImportError, AttributeError) as error:
+            return error
+        return call()
+
+    return called
+
+
+def _why(error: Exception, age: float, workers: Workers) -> str:
+    """Why a task gave nothing, as often as it was tried."""
+    if not isinstance(error, KilledWorker):
+        return str(error)
+    if age >= workers.timeout * (error.allowed_failures + 1):
+        return f'took more than {workers.timeout:g} s'
+    return 'its process ended: a crash, or more memory than a worker has'
 
 
 @contextmanager
@@ -59,7 +121,7 @@ def _client(workers: Workers) -> Iterator[Client]:
     """A client of the cluster that is asked for.
 
     Raises:
-        ConfigurationError: no scheduler answers.
+        ConfigurationError: no scheduler answers, or it ends.
     """
     with ExitStack() as stack:
         if workers.scheduler:
@@ -76,17 +138,26 @@ def _client(workers: Workers) -> Iterator[Client]:
                     dashboard_address=f'{_HOST}:0',
                     silence_logs=logging.CRITICAL,
                     env=_THREADS,
+                    preload=_DEAF,
                 )
             )
         try:
             client = stack.enter_context(Client(address, timeout=_ANSWER))
         except (OSError, ValueError, TypeError) as error:
             why = f'no Dask scheduler answers there within {_ANSWER:g} s ({in_a_line(error)})'
-            raise ConfigurationError(f'--scheduler {workers.scheduler}', why) from error
+            raise ConfigurationError(_place(workers), why) from error
         workers.notice(_in_words(client))
         if workers.dashboard:
             workers.notice(f'dashboard: {client.dashboard_link}')
-        yield client
+        try:
+            yield client
+        except (OSError, CancelledError) as error:
+            why = f'answers no more ({in_a_line(error)}); what was finished before stays'
+            raise ConfigurationError(_place(workers), why) from error
+
+
+def _place(workers: Workers) -> str:
+    return f'--scheduler {workers.scheduler}' if workers.scheduler else f'--jobs {workers.number}'
 
 
 def _in_words(client: Client) -> str:
@@ -97,124 +168,41 @@ def _in_words(client: Client) -> str:
     return f'{len(there)} {"worker" if len(there) == 1 else "workers"}{each if sizes else ""}'
 
 
-@dataclass(frozen=True, slots=True)
-class _Running:
-    """A task on a worker, since when [s]."""
+def _unfit(
+    client: Client, own: Mapping[str, str], workers: Workers, known: Mapping[str, str], error: Any
+) -> dict[str, str]:
+    """Workers of other versions by their addresses, and what differs.
 
-    key: str
-    worker: str
-    since: float
-
-
-class _Spread:
-    """Tasks of one function on the workers of a cluster."""
-
-    def __init__(self, client: Client, run: Callable[[str], Any], workers: Workers) -> None:
-        self._client, self._run, self._workers = client, run, workers
-        self._running: dict[Future, _Running] = {}
-        self._again: deque[str] = deque()
-        self._failed: dict[str, int] = {}
-        self._fits: dict[str, bool] = {}
-        self._silent: dict[str, int] = {}  # how often asked in vain
-        self._number = count()
-
-    def outcomes(self, keys: Iterable[str]) -> Iterator[Outcome]:
-        """One outcome a key, as they finish."""
-        waiting, alive = iter(keys), self._alive()
-        while True:
-            yield from self._finished(alive)
-            alive = self._alive()  # after those whose task just ended with them
-            is_over = self._give(waiting, alive)
-            if is_over and not self._running:
-                return
-            if self._running:
-                with suppress(TimeoutError):
-                    wait(list(self._running), timeout=_LOOK, return_when='FIRST_COMPLETED')
-            else:  # for a worker to come
-                with suppress(TimeoutError):
-                    self._client.wait_for_workers(len(alive) + 1, timeout=_LOOK)
-
-    def _alive(self) -> list[str]:
-        """Addresses of the workers that fit.
-
-        Raises:
-            ConfigurationError: there are workers, and none of them fits.
-        """
-        there = list(self._client.nthreads())
-        if new := [address for address in there if address not in self._fits]:
-            own = _own()
-            identities = self._client.run(identity, workers=new, on_error='return')
-            for address in new:
-                if isinstance(identities.get(address), OSError):  # it may have ended meanwhile
-                    self._silent[address] = self._silent.get(address, 0) + 1
-                    if self._silent[address] < ATTEMPTS:
-                        there.remove(address)
-                        continue
-                why = _difference(own, identities.get(address))
-                self._fits[address] = not why
-                if why:
-                    self._workers.notice(f'worker {address} is not used: {why}')
-        if there and not any(self._fits[address] for address in there):
-            why = f'none of {counted(len(there), "worker")} fits: '
-            why += _difference(own, identities[new[0]]) if new else 'they have other versions'
-            raise ConfigurationError(f'--scheduler {self._workers.scheduler}', why)
-        return [address for address in there if self._fits[address]]
-
-    def _give(self, waiting: Iterator[str], alive: list[str]) -> bool:
-        """Give every free worker a task; whether none is left to give."""
-        busy = {task.worker for task in self._running.values()}
-        for worker in alive:
-            if worker in busy:
-                continue
-            key = self._again.popleft() if self._again else next(waiting, None)
-            if key is None:
-                return True
-            future = self._client.submit(
-                guarded,
-                self._run,
-                key,
-                self._workers.timeout,
-                key=f'spacerobot-{os.getpid()}-{next(self._number)}',
-                workers=[worker],
-                allow_other_workers=False,
-            )
-            self._running[future] = _Running(key, worker, time.monotonic())
-        return False
-
-    def _finished(self, alive: list[str]) -> Iterator[Outcome]:
-        """Outcomes of the tasks that ended; what is worth another attempt is kept for it."""
-        for future, task in list(self._running.items()):
-            age = time.monotonic() - task.since
-            is_late = age > self._workers.timeout + _GRACE
-            if future.done() or is_late or task.worker not in alive:
-                del self._running[future]
-                found = self._outcome(future, task, age)
-                if is_late and not future.done():
-                    self._client.restart_workers([task.worker], raise_for_error=False)
-                future.release()
-                self._failed[task.key] = self._failed.get(task.key, 0) + bool(found.failure)
-                if found.is_final or self._failed[task.key] >= ATTEMPTS:
-                    yield found
-                else:
-                    self._again.append(task.key)
-
-    def _outcome(self, future: Future, task: _Running, age: float) -> Outcome:
-        if future.status == 'finished':
-            with suppress(Exception):  # its worker ended before it could be asked
-                return future.result(timeout=_ANSWER)
-        if age >= self._workers.timeout:
-            why = f'took more than {self._workers.timeout:g} s'
-        else:
-            why = 'its process ended: a crash, or more memory than a worker has'
-        return Outcome(task.key, failure=why, is_final=False)
+    Raises:
+        ConfigurationError: no other worker is left.
+    """
+    answers = client.run(identity, on_error='return')
+    found = {at: why for at, other in answers.items() if (why := _difference(own, other))}
+    for address in found.keys() - known:
+        workers.notice(f'worker {address} is not used: {found[address]}')
+    if len(found) == len(answers):
+        why = next(iter(found.values()), in_a_line(error))
+        why = f'none of {counted(len(answers), "worker")} fits: {why}'
+        raise ConfigurationError(_place(workers), why)
+    return found
 
 
-def guarded(run: Callable[[str], Any], key: str, timeout: float) -> Outcome:
+def guarded(
+    run: Callable[[str], Any], key: str, timeout: float, own: Mapping[str, str]
+) -> Outcome | ConfigurationError:
     """Run a task on a worker, whose process ends where it takes too long.
 
     The watchdog needs no interpreter lock, so it ends compiled code, too.
+
+    Returns:
+        Its outcome, or what differs on this worker, which is not tried again here.
+
+    Raises:
+        TaskError: by the task, not on purpose.
     """
-    with open(os.devnull, 'w', encoding='utf-8') as nowhere:
+    if why := _difference(own, identity()):
+        return ConfigurationError('worker', why)
+    with _ONE, open(os.devnull, 'w', encoding='utf-8') as nowhere:
         faulthandler.dump_traceback_later(timeout, exit=True, file=nowhere)
         try:
             return attempt(run, key)
@@ -232,10 +220,6 @@ def identity() -> Mapping[str, str]:
     own = {'spacerobot_ros': f'{__version__} ({total.hexdigest()[:8]})'}
     python = '.'.join(map(str, sys.version_info[:2]))
     return {**own, 'Python': python, **{name: _version(name) for name in _NUMBERS}}
-
-
-def _own() -> Mapping[str, str]:
-    return identity()
 
 
 def _version(name: str) -> str:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import groupby
-from typing import Any
 
 import numpy as np
 
@@ -49,12 +48,12 @@ def fleet_page(title: str, answers: Sequence[Row], failures: Mapping[str, str]) 
         failures: Recordings whose diagnosis failed, and why.
     """
     lines = trends(courses(answers))
-    machines = {one['machine'] for one in answers}
-    count = counted(len(answers) + len(failures), 'recording')
-    subtitle = f'{count} of {counted(len(machines), "machine")}'
+    machines = counted(len({one['machine'] for one in answers}), 'machine')
+    subtitle = f'{counted(len(answers) + len(failures), "recording")} of {machines}'
     figures = Section('', [_figures(answers, failures, lines)])
-    parts = [figures, *_parts(answers, lines), *unreadable(answers, failures)]
-    return Report(title, subtitle, parts)
+    return Report(
+        title, subtitle, [figures, *_parts(answers, lines), *unreadable(answers, failures)]
+    )
 
 
 def summary(answers: Sequence[Row], failures: Mapping[str, str]) -> Iterator[Section]:
@@ -66,10 +65,9 @@ def summary(answers: Sequence[Row], failures: Mapping[str, str]) -> Iterator[Sec
     title = 'causes, and where each appears first'
     yield Section(title, [appeared] if appeared.rows else ['none'])
     yield from unreadable(answers, failures)
-    counts = ', '.join(f'{n} {verdict}' for verdict, n in _verdicts(answers).items())
-    yield Section(
-        '', [f'{counted(len(answers) + len(failures), "recording")}: {counts or "none diagnosed"}']
-    )
+    verdicts = Counter(sorted(one['verdict'] for one in answers if not one['error']))
+    counts = ', '.join(f'{n} {verdict}' for verdict, n in verdicts.items()) or 'none diagnosed'
+    yield Section('', [f'{counted(len(answers) + len(failures), "recording")}: {counts}'])
 
 
 def unreadable(answers: Sequence[Row], failures: Mapping[str, str]) -> Iterator[Section]:
@@ -81,30 +79,32 @@ def unreadable(answers: Sequence[Row], failures: Mapping[str, str]) -> Iterator[
             yield Section(what, [table_of('', '', rows, 'recording | why', '{name} | {why}')])
 
 
-def _verdicts(answers: Sequence[Row]) -> dict[str, int]:
-    found = sorted(one['verdict'] for one in answers if not one['error'])
-    return {verdict: len(list(same)) for verdict, same in groupby(found)}
-
-
 def _figures(answers: Sequence[Row], failures: Mapping[str, str], lines: Sequence[Trend]) -> Item:
     bad = sum(bool(one['error']) for one in answers) + len(failures)
     found = sum(one['verdict'] != 'consistent' for one in answers if not one['error'])
     drifts = sum(line.is_drift for line in lines)
+    remark = f'of {counted(len(lines), "trend")}'
     return KeyFigures(
         [
             KeyFigure('recordings', str(len(answers) + len(failures))),
-            KeyFigure('differ from the model', str(found), status='bad' if found else 'good'),
-            KeyFigure('drifts', str(drifts), remark=f'of {counted(len(lines), "trend")}',
-                      status='bad' if drifts else 'good'),
-            KeyFigure('could not be used', str(bad), status='bad' if bad else 'good'),
+            _best_none('differ from the model', found),
+            _best_none('drifts', drifts, remark),
+            _best_none('could not be used', bad),
         ]
-    )  # fmt: skip
+    )
+
+
+def _best_none(label: str, count: int, remark: str = '') -> KeyFigure:
+    return KeyFigure(label, str(count), '', remark, 'bad' if count else 'good')
 
 
 def _parts(answers: Sequence[Row], lines: Sequence[Trend]) -> Iterator[Section]:
     drifts = [line for line in lines if line.is_drift]
     _, _, abscissa = in_order(answers)
-    yield Section('What drifts', [*_drifts(drifts, abscissa), _HOW])
+    caption = f'Values with {_BAND:g} standard deviations, and the line.'
+    plots = [Plot([_panel(line)], caption, abscissa) for line in drifts[:_DRAWN]]
+    found = [_trend_table(drifts), *plots] if drifts else ['Nothing.']
+    yield Section('What drifts', [*found, _HOW])
     yield Section('What appeared when', [_appearances(answers)])
     yield Section('Recordings', [_recordings(answers)])
     if lines:
@@ -112,24 +112,14 @@ def _parts(answers: Sequence[Row], lines: Sequence[Trend]) -> Iterator[Section]:
         yield Section('All trends', [_trend_table(lines[:_LISTED], caption)])
 
 
-def _drifts(drifts: Sequence[Trend], abscissa: str) -> Iterator[Item]:
-    if not drifts:
-        yield 'Nothing.'
-        return
-    yield _trend_table(drifts)
-    for line in drifts[:_DRAWN]:
-        yield Plot(
-            [_panel(line)], f'Values with {_BAND:g} standard deviations, and the line.', abscissa
-        )
-
-
 def _panel(line: Trend) -> Panel:
-    h = line.course
-    band = _BAND * h.std if np.all(h.std > 0.0) else None
-    mean = np.mean(h.time) if band is None else np.average(h.time, weights=h.std**-2.0)
-    fitted = line.level + line.slope * (h.time - mean)
-    curves = [Curve('each recording', h.time, h.value, band), Curve('trend', h.time, fitted)]
-    return Panel(f'{h.machine}: {h.quantity}', h.unit, curves)
+    at = line.course
+    band = _BAND * at.std if np.all(at.std > 0.0) else None
+    curves = [
+        Curve('each recording', at.time, at.value, band),
+        Curve('trend', at.time, line.fitted),
+    ]
+    return Panel(f'{at.machine}: {at.quantity}', at.unit, curves)
 
 
 def _trend_table(lines: Sequence[Trend], caption: str = '') -> Table:
@@ -146,29 +136,19 @@ def _trend_table(lines: Sequence[Trend], caption: str = '') -> Table:
 def _appearances(answers: Sequence[Row]) -> Table:
     """One row a cause of a machine."""
     ordered, _, _ = in_order(answers)
-    rows: dict[tuple[str, str], dict[str, Any]] = {}
-    total: dict[str, int] = {}
+    rows: dict[tuple[str, str], list[tuple[int, Row, Row]]] = {}
+    total: Counter[str] = Counter()
     for one in ordered:
-        machine = one['machine']
-        total[machine] = total.get(machine, 0) + 1
+        total[one['machine']] += 1
         for cause in one['causes']:
-            new = {'first': one, 'number': total[machine], 'count': 0, 'cause': cause}
-            row = rows.setdefault((machine, cause_name(cause)), new)
-            row['count'] += 1
-            row['last'] = cause
-    cells = [
-        (
-            machine,
-            row['cause']['title'],
-            row['cause']['where'] or '',
-            _link(row['first']),
-            row['first']['time'] or '',
-            f'{row["count"]} of {total[machine] - row["number"] + 1}',
-            _values(row['cause']),
-            _values(row['last']),
-        )
-        for (machine, _), row in sorted(rows.items())
-    ]
+            own = rows.setdefault((one['machine'], cause_name(cause)), [])
+            own.append((total[one['machine']], one, cause))
+    cells = []
+    for (machine, _), seen in sorted(rows.items()):
+        (number, first, cause), (_, _, last) = seen[0], seen[-1]
+        since = f'{len(seen)} of {total[machine] - number + 1}'
+        named = cause['title'], cause['where'] or '', _link(first), first['time'] or ''
+        cells.append((machine, *named, since, _values(cause), _values(last)))
     head = ('machine', 'cause', 'where', 'first recording', 'time', 'since then in')
     return Table((*head, 'there', 'last'), cells)
 

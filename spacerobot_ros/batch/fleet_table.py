@@ -16,9 +16,7 @@ from __future__ import annotations
 import csv
 import importlib.util
 import io
-import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -27,7 +25,6 @@ from typing import Any
 import numpy as np
 from scipy.stats import t as student
 
-from ..errors import ConfigurationError
 from ..model.files import write_text
 from ..types import Array
 from .runner import TrialRecord as Row
@@ -36,6 +33,11 @@ COLUMNS = (
     *('recording', 'machine', 'path', 'time', 'duration [s]', 'verdict', 'error', 'causes'),
     *('health', 'told [1]', 'numbers [1]', 'run time [s]', 'version', 'report'),
 )
+_SOURCES = {
+    'recording': 'name',
+    **{'duration [s]': 'duration', 'told [1]': 'told', 'numbers [1]': 'numbers'},
+    'run time [s]': 'run_time',
+}
 _AXES = 'xyz'
 _DAY = 86400.0  # s
 
@@ -46,7 +48,6 @@ class Course:
 
     Args:
         machine: Which. quantity: What, where. unit: SI.
-        names: Of the N recordings.
         time: (N,) days since the first recording of the fleet, or the recordings' numbers.
         value: (N,). std: (N,) standard deviations, NaN where none is known.
     """
@@ -54,7 +55,6 @@ class Course:
     machine: str
     quantity: str
     unit: str
-    names: tuple[str, ...]
     time: Array
     value: Array
     std: Array
@@ -83,16 +83,15 @@ def in_order(answers: Sequence[Row]) -> tuple[list[Row], Array, str]:
 def courses(answers: Sequence[Row]) -> list[Course]:
     """Every quantity of every machine that several recordings give, in the order of time."""
     ordered, time, _ = in_order(answers)
-    found: dict[tuple[str, str, str], list[tuple[str, float, float, float]]] = {}
+    found: dict[tuple[str, str, str], list[tuple[float, ...]]] = {}
     for one, t in zip(ordered, time.tolist(), strict=True):
-        for quantity, unit, value, std in _quantities(one):
+        residuals = ((f'residual {r["channel"]}', r['unit'], r['rms_before'], None)
+                     for r in one['residuals'])  # fmt: skip
+        for quantity, unit, value, std in (*_estimates(one), *residuals):
             if value is not None and np.isfinite(value):
-                row = one['name'], t, value, np.nan if std is None else std
+                row = t, value, np.nan if std is None else std
                 found.setdefault((one['machine'], quantity, unit), []).append(row)
-    return [
-        Course(*key, tuple(row[0] for row in rows), *np.array([row[1:] for row in rows]).T)
-        for key, rows in sorted(found.items())
-    ]
+    return [Course(*key, *np.array(rows).T) for key, rows in sorted(found.items())]
 
 
 def cause_name(cause: Row) -> str:
@@ -100,15 +99,8 @@ def cause_name(cause: Row) -> str:
     return cause['effect'] + (f'@{cause["where"]}' if cause['where'] else '')
 
 
-def _quantities(one: Row) -> Iterator[tuple[str, str, float | None, float | None]]:
-    """Name, unit, value and standard deviation of all that may drift."""
-    yield from _estimates(one)
-    for r in one['residuals']:
-        yield f'residual {r["channel"]}', r['unit'], r['rms_before'], None
-
-
 def _estimates(one: Row) -> Iterator[tuple[str, str, float | None, float | None]]:
-    """The same of what was estimated."""
+    """Name, unit, value and standard deviation of what was estimated."""
     for cause in one['causes']:
         for name, p in cause['parameters'].items():
             yield f'{cause_name(cause)}.{name}', p['unit'] or '1', p['value'], p['std']
@@ -118,22 +110,16 @@ def _estimates(one: Row) -> Iterator[tuple[str, str, float | None, float | None]
 
 
 def _row(one: Row) -> dict[str, Any]:
-    row = {
-        'recording': one['name'],
-        **{name: one.get(name) for name in ('machine', 'path', 'time')},
-        'duration [s]': one.get('duration'),
-        **{name: one.get(name) for name in ('verdict', 'error')},
-        'causes': None if one['error'] else '; '.join(map(cause_name, one['causes'])),
-        'health': None if one['error'] else '; '.join(one['health']) or 'good',
-        'told [1]': one.get('told'),
-        'numbers [1]': one.get('numbers'),
-        'run time [s]': one.get('run_time'),
-        **{name: one.get(name) for name in ('version', 'report')},
-    }
+    row = {name: one.get(_SOURCES.get(name, name)) for name in COLUMNS}
     if one['error']:
         return row
     gain = one['gain']
-    row |= {'held out before [1]': gain['before'], 'held out after [1]': gain['after']}
+    row |= {
+        'causes': '; '.join(map(cause_name, one['causes'])),
+        'health': '; '.join(one['health']) or 'good',
+        'held out before [1]': gain['before'],
+        'held out after [1]': gain['after'],
+    }
     for name, unit, value, std in _estimates(one):
         row |= {f'{name} [{unit}]': value, f'{name} std': std}
     for r in one['residuals']:
@@ -158,13 +144,13 @@ class Trend:
 
     Args:
         course: The values.
-        level: At the mean time. slope: By a unit of time. std: Of the slope.
+        fitted: (N,) of the line. slope: By a unit of time. std: Of the slope.
         p_value: Probability of such a slope without a drift, this quantity alone.
         is_drift: Whether it is significant among all that were asked.
     """
 
     course: Course
-    level: float
+    fitted: Array
     slope: float
     std: float
     p_value: float
@@ -185,21 +171,19 @@ def trends(courses: Sequence[Course]) -> list[Trend]:
 def _line(course: Course) -> Trend:
     is_known = bool(np.all(course.std > 0.0))
     weight = course.std**-2.0 if is_known else np.ones(len(course.time))
-    mean = weight @ course.time / weight.sum()
-    t = course.time - mean
-    level = weight @ course.value / weight.sum()
+    t = course.time - np.average(course.time, weights=weight)
     information = weight @ t**2
-    slope = weight @ (t * course.value) / information
-    left = course.value - level - slope * t
+    slope = float(weight @ (t * course.value) / information)
+    fitted = np.average(course.value, weights=weight) + slope * t
     freedom = len(t) - 2
-    scatter = weight @ left**2 / freedom
+    scatter = float(weight @ (course.value - fitted) ** 2) / freedom
     scatter = max(1.0, scatter) if is_known else scatter
     std = float(np.sqrt(scatter / information))
     # of values that lie on their line to rounding, such as none at all, nothing is sure
     rounding = 1e-12 * float(np.max(np.abs(course.value))) / float(np.ptp(t))
     ratio = abs(slope) / max(std, rounding) if slope else 0.0
     p_value = float(2.0 * student.sf(ratio, freedom))
-    return Trend(course, float(level), float(slope), std, p_value)
+    return Trend(course, fitted, slope, std, p_value)
 
 
 TableRows = Sequence[Mapping[str, Any]]
@@ -239,23 +223,12 @@ def _write_parquet(rows: TableRows, names: Sequence[str], path: Path) -> Path:
     import pyarrow as pa
     from pyarrow import parquet
 
-    arrays = [_array([row.get(name) for row in rows]) for name in names]
-    partial = path.with_name(f'.{path.name}.partial')
-    try:
-        parquet.write_table(pa.Table.from_arrays(arrays, names=list(names)), partial)
-        os.replace(partial, path)
-    except OSError as error:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
-        why = error.strerror or str(error)
-        raise ConfigurationError(str(path), f'can not be written: {why}') from error
-    return path
-
-
-def _array(values: Sequence[Any]) -> Any:
-    """A column; whole numbers beside others are numbers."""
-    import pyarrow as pa
-
-    if any(isinstance(value, float) for value in values):
-        return pa.array([None if v is None else float(v) for v in values], pa.float64())
-    return pa.array(values)
+    table = {}
+    for name in names:
+        values = [row.get(name) for row in rows]
+        # whole numbers beside others are numbers
+        is_float = any(isinstance(value, float) for value in values)
+        table[name] = pa.array(values, pa.float64() if is_float else None)
+    content = io.BytesIO()
+    parquet.write_table(pa.table(table), content)
+    return write_text(path, content.getvalue())

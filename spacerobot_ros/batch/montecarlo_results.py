@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from collections.abc import Sequence
 from typing import Any
@@ -40,8 +39,12 @@ def percentiles(ranges: Ranges, rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 def worst(rows: Sequence[Row]) -> list[Row]:
     """Runs that failed, and those with the largest errors."""
-    ranked = sorted(rows, key=lambda row: (-_badness(row), row[RUN]))
-    return ranked[:_WORST]
+
+    def rank(row: Row) -> tuple[bool, float, int]:
+        is_good = not row.get('error') and row.get(LARGEST) is not None
+        return is_good, -row[LARGEST] if is_good else 0.0, row[RUN]
+
+    return sorted(rows, key=rank)[:_WORST]
 
 
 def correlations(ranges: Ranges, rows: Sequence[Row]) -> list[dict[str, Any]]:
@@ -75,14 +78,11 @@ def sections(ranges: Ranges, rows: Sequence[Row], replay: Sequence[str]) -> list
          'command': shlex.join([*replay, str(row[RUN])])}
         for row in worst(rows)
     ]  # fmt: skip
-    matters = correlations(ranges, rows)
     out = [Section('percentiles over the runs', [shares])]
-    if matters:
+    if matters := correlations(ranges, rows):
         cells = '{key} | {rho:+.2f} | {p:.2g}'
-        title = 'what the largest joint error goes with (Spearman)'
-        out.append(
-            Section(title, [table_of('', '', matters, 'drawn | rank correlation | p', cells)])
-        )
+        table = table_of('', '', matters, 'drawn | rank correlation | p', cells)
+        out.append(Section('what the largest joint error goes with (Spearman)', [table]))
     heads = 'run | largest joint error [rad] | why it ended | replay'
     table = table_of('', '', commands, heads, '{run} | {error:.4g} | {why} | {command}')
     out.append(Section('worst runs', [table]))
@@ -107,19 +107,11 @@ def montecarlo_page(ranges: Ranges, rows: Sequence[Row], replay: Sequence[str]) 
         plots.append(Section('Largest joint error', [Plot([panel], '', LARGEST)]))
     title = 'Monte Carlo of the closed loop'
     subtitle = f'{ranges.robot_path}, {ranges.duration:g} s a run, seed {ranges.seed}'
-    return Report(
-        title,
-        subtitle,
-        [Section('', [KeyFigures(figures)]), *plots, *sections(ranges, rows, replay)],
-    )
+    first = Section('', [KeyFigures(figures)])
+    return Report(title, subtitle, [first, *plots, *sections(ranges, rows, replay)])
 
 
 def run_table(row: Row) -> Table:
     """One run's values and results."""
     shown = [{'name': name, 'value': value} for name, value in row.items()]
     return table_of('', '', shown, 'what | value', '{name} | {value}')
-
-
-def _badness(row: Row) -> float:
-    error = row.get(LARGEST)
-    return math.inf if row.get('error') or error is None else float(error)

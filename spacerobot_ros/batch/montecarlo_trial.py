@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Sequence
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from .. import __version__
 from ..control.computed_torque import torque_limits
 from ..control.joint_reference import build_reference
-from ..control.loop import Command, ControlLoop
-from ..effects.effect import Effect
+from ..control.loop import ControlLoop
 from ..errors import ConfigurationError, SpaceRobotError
 from ..simulation.closed_loop import ClosedLoop
 from ..simulation.plant import Plant
@@ -45,6 +47,31 @@ def trial_block(key: str) -> dict[str, list[Row]]:
     if asked['is_dynamics']:
         return {'rows': dynamics_rows(ranges, numbers)}
     return {'rows': [closed_loop_row(ranges, run) for run in numbers]}
+
+
+def block_keys(path: str, ranges: Ranges, is_dynamics: bool, size: int) -> list[str]:
+    """Keys of all runs, as `trial_block` takes them.
+
+    Args:
+        path: The file of the ranges.
+        ranges: What stands there.
+        is_dynamics: Whether the dynamics run alone.
+        size: Runs of a block.
+    """
+    files = {'ranges': path, 'robot': ranges.robot_path}
+    parts = [__version__, *(Path(file).read_text(encoding='utf-8') for file in files.values())]
+    parts.append(ranges.robot_file.robot.urdf)
+    asked = hashlib.sha256('\0'.join(parts).encode()).hexdigest()[:16]
+    paths = {name: str(Path(file).absolute()) for name, file in files.items()}
+    same = {**paths, 'is_dynamics': is_dynamics, 'asked': asked}
+    firsts = range(0, ranges.runs, size)
+    return [json.dumps({**same, 'first': k, 'last': min(k + size, ranges.runs)}) for k in firsts]
+
+
+def failed_rows(key: str, why: str) -> list[Row]:
+    """Rows of the runs of a block that failed."""
+    block = json.loads(key)
+    return [{RUN: run, 'error': why} for run in range(block['first'], block['last'])]
 
 
 @lru_cache(maxsize=4)
@@ -88,25 +115,26 @@ def _measured(loop: ClosedLoop, steps: int) -> Row:
         largest, torque = np.fmax(largest, abs(last)), np.fmax(torque, abs(command.tau))
         squares, count = squares + last**2, count + 1
         is_limited |= bool(command.saturated.any() or command.base_saturated)
-        attitude = _larger(attitude, command)
-    found = _outcome(largest, np.sqrt(squares / max(count, 1)), last, torque)
-    rest = {'base_rotation_max [rad]': turned, 'torque_limited [1]': float(is_limited)}
-    drift = {'momentum_drift [1]': loop.plant.ledger().momentum_drift}
-    return {**found, **rest, 'attitude_error_max [rad]': attitude, **drift}
+        if command.attitude_error is not None:
+            attitude = max(attitude or 0.0, float(np.linalg.norm(command.attitude_error)))
+    rms = np.sqrt(squares / max(count, 1))
+    return {
+        **_outcome(largest, rms, last, torque, turned, is_limited),
+        'attitude_error_max [rad]': attitude,
+        'momentum_drift [1]': loop.plant.ledger().momentum_drift,
+    }
 
 
-def _larger(attitude: float | None, command: Command) -> float | None:
-    if command.attitude_error is None:
-        return attitude
-    return max(attitude or 0.0, float(np.linalg.norm(command.attitude_error)))
-
-
-def _outcome(largest: Array, rms: Array, last: Array, torque: Array) -> Row:
+def _outcome(
+    largest: Array, rms: Array, last: Array, torque: Array, turned: float, is_limited: bool
+) -> Row:
     return {
         LARGEST: float(np.max(largest)),
         'joint_error_rms [rad]': float(np.max(rms)),
         'joint_error_end [rad]': float(np.max(np.abs(last))),
         'torque_max [N m]': float(np.max(torque)),
+        'base_rotation_max [rad]': float(turned),
+        'torque_limited [1]': float(is_limited),
     }
 
 
@@ -119,24 +147,20 @@ def dynamics_rows(ranges: Ranges, runs: Sequence[int]) -> list[Row]:
     Raises:
         ConfigurationError: what dynamics alone do not have.
     """
-    rows: list[Row] = [{RUN: run, **ranges.values(run)} for run in runs]
     law = _law(ranges)
-    plants: dict[int, Plant] = {}
-    for row in rows:
-        plant, row['error'] = _plant_or_why(ranges, row[RUN])
-        if plant is not None:
-            plants[row[RUN]] = plant
+    machines = {run: _plant_or_why(ranges, run) for run in runs}
+    rows = [{RUN: k, **ranges.values(k), 'error': why} for k, (_, why) in machines.items()]
+    plants = [plant for plant, _ in machines.values() if plant is not None]
     if not plants:
         return rows
-    found = _followed(list(plants.values()), law, ranges.duration, steps_of(ranges))
-    good = [row for row in rows if row[RUN] in plants]
-    for i, row in enumerate(good):
-        if not np.isfinite(found.states[i]).all():
+    found = _followed(plants, law, ranges.duration, steps_of(ranges))
+    results = found.largest, found.rms, found.last, found.torque, found.turned, found.is_limited
+    good = [row for row in rows if row['error'] is None]
+    for row, state, *own in zip(good, found.states, *results, strict=True):
+        if np.isfinite(state).all():
+            row.update(_outcome(*own))
+        else:
             row['error'] = 'the simulation diverged'
-            continue
-        row |= _outcome(found.largest[i], found.rms[i], found.last[i], found.torque[i])
-        row |= {'base_rotation_max [rad]': float(found.turned[i])}
-        row |= {'torque_limited [1]': float(found.is_limited[i])}
     return rows
 
 
@@ -154,7 +178,10 @@ def check_dynamics(ranges: Ranges) -> None:
     if settings.controller.law != _LAW:
         why = f'{settings.controller.law!r}: dynamics alone have {_LAW!r}'
         raise ConfigurationError('controller.law', why)
-    _refuse_forces(_plant(ranges, MIDDLE).effects)
+    for effect in _plant(ranges, MIDDLE).effects:
+        if effect.acts('force') or effect.hidden:
+            why = 'is a force, which dynamics alone do not have: leave --dynamics out'
+            raise ConfigurationError(f'effects.{effect.name}', why)
 
 
 @lru_cache(maxsize=4)
@@ -203,10 +230,3 @@ def _plant_or_why(ranges: Ranges, run: int) -> tuple[Plant | None, str | None]:
         return _plant(ranges, run), None
     except SpaceRobotError as error:
         return None, ' '.join(str(error).split())
-
-
-def _refuse_forces(effects: Sequence[Effect]) -> None:
-    for effect in effects:
-        if effect.acts('force') or effect.hidden:
-            why = 'is a force, which dynamics alone do not have: leave --dynamics out'
-            raise ConfigurationError(f'effects.{effect.name}', why)

@@ -66,13 +66,10 @@ class Ranges:
         """
         content = deepcopy(self._content)
         values = self.values(run)
+        factors = {key: values.pop(key) for key in self.draw if key.startswith(_INERTIA)}
         for key, value in values.items():
-            if not key.startswith(_INERTIA):
-                _put(content, key, value)
+            _put(content, key, value)
         settings = parse_settings(content, 'medians: ' if run == MIDDLE else f'run {run}: ')
-        factors = {
-            k.removeprefix(_INERTIA): v for k, v in values.items() if k.startswith(_INERTIA)
-        }
         simulator = replace(settings.simulator, seed=self._noise_seed(run))
         settings = replace(settings, simulator=simulator)
         return _scaled(settings, self.robot_file.robot, factors), self.robot_file.robot
@@ -115,13 +112,14 @@ def load_ranges(path: str, robot_path: str, runs: int | None = None) -> Ranges:
         raise ConfigurationError(path, "expected a map with 'draw': what is drawn, and how")
     if unknown := [key for key in content if key not in _KEYS]:
         raise ConfigurationError(path, f'unknown key {unknown[0]!r} (known: {", ".join(_KEYS)})')
-    count = runs or _number(path, content, 'runs', 1000)
+    if not isinstance(effects := content.get('effects') or {}, Mapping):
+        raise ConfigurationError(f'{path}: effects', 'expected a map of effects by their names')
     ranges = Ranges(
-        int(count),
-        float(_number(path, content, 'duration', 20.0)),
+        int(runs or _number(path, content, 'runs', 1000)),
+        _number(path, content, 'duration', 20.0),
         int(_number(path, content, 'seed', 0)),
         robot_path,
-        content.get('effects') or {},
+        effects,
         {key: _distribution(f'{path}: draw.{key}', spec) for key, spec in content['draw'].items()},
     )
     ranges.machine(MIDDLE)
@@ -182,14 +180,13 @@ def _put(content: dict[str, Any], key: str, value: float) -> None:
 
 
 def _scaled(settings: Settings, robot: Robot, factors: Mapping[str, float]) -> Settings:
-    """Settings whose truth has the inertia of some links times a factor."""
+    """Settings whose truth has the inertia of some links times a factor, by the key drawn."""
     truth, names = settings.truth, [body.name for body in robot.bodies]
     rows = np.reshape(truth.inertial_parameters, (-1, 10)).tolist()
     found = dict(zip(truth.links, rows, strict=False))
-    for link, factor in factors.items():
-        if link not in names:
-            known = ', '.join(names)
-            raise ConfigurationError(f'draw.{_INERTIA}{link}', f'no such body (bodies: {known})')
+    for key, factor in factors.items():
+        if (link := key.removeprefix(_INERTIA)) not in names:
+            raise ConfigurationError(f'draw.{key}', f'no such body (bodies: {", ".join(names)})')
         row = found.get(link, robot.inertial_parameters[names.index(link)])
         found[link] = (factor * np.asarray(row)).tolist()
     flat = tuple(value for row in found.values() for value in row)

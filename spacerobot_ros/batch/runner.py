@@ -19,7 +19,7 @@ from typing import Any
 
 from ..errors import ConfigurationError, RecordingError
 from ..json_values import json_value
-from .workers import ATTEMPTS, Outcome, Workers, attempt
+from .workers import ATTEMPTS, Outcome, TaskError, Workers, attempt
 
 TrialRecord = dict[str, Any]
 """Plain JSON data of one task, its key as `case`."""
@@ -45,11 +45,7 @@ class Kept:
         if self.path is None or not self.path.exists():
             return []
         complete = self.path.read_text(encoding='utf-8').split('\n')[:-1]
-        records = [self._record(line) for line in complete]
-        if None in records:
-            where = f'{self.path}:{records.index(None) + 1}'
-            raise RecordingError(where, 'is no case of a campaign')
-        return [record for record in records if record is not None]
+        return [self._record(number, line) for number, line in enumerate(complete, 1)]
 
     def appending(self) -> AbstractContextManager[RawIOBase | None]:
         """The file to add to, without what an interruption left of a line; None: no file."""
@@ -80,13 +76,13 @@ class Kept:
         why = f'can not be written: {error.strerror}; what was finished before stays'
         return ConfigurationError(str(self.path), why)
 
-    def _record(self, line: str) -> TrialRecord | None:
-        """The record that a line holds, None where it holds none."""
+    def _record(self, number: int, line: str) -> TrialRecord:
         try:
             record: TrialRecord = json.loads(line)
             str(record['case'])
         except (ValueError, TypeError, KeyError):
-            return None
+            where = f'{self.path}:{number}'
+            raise RecordingError(where, 'is no case of a campaign') from None
         return record
 
 
@@ -146,17 +142,18 @@ def complete(
     """
     last = time.monotonic() + 60.0 * minutes
     there = {record['case']: record for record in tasks.kept.read()}
-    over = len(there.keys() & set(keys))
-    done(over)
+    before = len(there.keys() & set(keys))
+    done(before)
     missing = [key for key in keys if key not in there]
-    alone = (key for key in missing if key.startswith(tasks.alone))
-    others = (key for key in missing if not key.startswith(tasks.alone))
+    alone = [key for key in missing if key.startswith(tasks.alone)]
+    others = [key for key in missing if not key.startswith(tasks.alone)]
     failures = {}
     with tasks.kept.appending() as file:
-        for outcome in chain(
-            outcomes(tasks.run, _until(last, alone), _HERE),
-            outcomes(tasks.run, _until(last, others), workers),
-        ):
+        found = (
+            outcomes(tasks.run, takewhile(lambda _: time.monotonic() <= last, some), who)
+            for some, who in ((alone, _HERE), (others, workers))
+        )
+        for over, outcome in enumerate(chain.from_iterable(found), before + 1):
             if outcome.failure:
                 failures[outcome.key] = outcome.failure
             else:
@@ -164,13 +161,8 @@ def complete(
                 there[outcome.key] = record
                 if file is not None:
                     tasks.kept.add(file, record)
-            over += 1
             done(over)
     return Finished([there[key] for key in keys if key in there], failures)
-
-
-def _until(last: float, keys: Iterable[str]) -> Iterator[str]:
-    return takewhile(lambda _: time.monotonic() <= last, keys)
 
 
 def outcomes(
@@ -199,9 +191,10 @@ def outcomes(
         yield from spread(run, chain(first, every), workers)
 
 
-def _insisted(run: Callable[[str], Any], key: str) -> Outcome:
-    for _ in range(ATTEMPTS):
-        found = attempt(run, key)
-        if found.is_final:
-            break
-    return found
+def _insisted(run: Callable[[str], Any], key: str, times: int = ATTEMPTS) -> Outcome:
+    try:
+        return attempt(run, key)
+    except TaskError as error:
+        if times > 1:
+            return _insisted(run, key, times - 1)
+        return Outcome(key, failure=str(error))

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,10 @@ from ..diagnosis.findings import Findings, Question, findings
 from ..diagnosis.quality.excited import count_told
 from ..diagnosis.quality.quality import quality_of
 from ..effects.catalogue import changed_robot
+from ..effects.own_kinds import source_files
+from ..effects.robot_file import load_robot_file
 from ..errors import SpaceRobotError
+from ..model.files import read_text
 from ..recording.record import Record
 from ..recording.tables.table import FORMATS, kind_of
 from ..report.diagnosis_files import write_answer
@@ -56,6 +59,44 @@ class Recording:
         """Name, size and time of change of each file: other data have another."""
         found = ((p.name, p.stat()) for p in self.files)
         return [(name, s.st_size, s.st_mtime_ns) for name, s in found]
+
+    def key(self, question: Question, folder: Path, asked: str) -> str:
+        """All that its answer depends on, as `diagnose_one` takes it.
+
+        Args:
+            question: What is asked of every recording.
+            folder: The fleet's, which its report goes below.
+            asked: `digest` of the question.
+        """
+        own = replace(question, data=(str(self.path.absolute()),))
+        out = str((folder / 'reports' / self.name).absolute())
+        return json.dumps(
+            {'question': asdict(own), 'out': out, 'stamp': self.stamp(), 'asked': asked}
+        )
+
+    def about(self, folder: Path) -> dict[str, Any]:
+        """Where it comes from, and its report below the fleet's folder."""
+        report = Path('reports') / self.name / 'report.html'
+        has_report = not self.fault and (folder / report).exists()
+        return {
+            'name': self.name,
+            'machine': self.machine,
+            'path': str(self.path),
+            'report': str(report) if has_report else None,
+        }
+
+
+def digest(question: Question) -> str:
+    """What answers depend on beside the recordings.
+
+    Robot, effects of one's own, mapping, options and version.
+    """
+    file = load_robot_file(question.robot)
+    parts = [__version__, Path(question.robot).read_text(encoding='utf-8'), file.robot.urdf]
+    parts += [read_text(Path(question.map), 'mapping')] if question.map else []
+    parts += [str(question.split_gaps), str(question.has_closed_loop)]
+    own = [path.read_bytes() for path in source_files(file.settings.robot.effect_modules)]
+    return hashlib.sha256(b'\0'.join([*(p.encode() for p in parts), *own])).hexdigest()[:16]
 
 
 def find_recordings(
@@ -105,9 +146,7 @@ def without_duplicates(recordings: Sequence[Recording]) -> list[Recording]:
             original = first.setdefault(_digest(recording.files), recording)
             if original is not recording and any(p.stat().st_size for p in recording.files):
                 copies[recording.path] = f'has the same content as {original.name}'
-    return [
-        Recording(r.path, r.machine, r.name, r.fault or copies.get(r.path, '')) for r in recordings
-    ]
+    return [replace(r, fault=r.fault or copies.get(r.path, '')) for r in recordings]
 
 
 def _below(folder: Path, out: Path) -> Iterator[Path]:
@@ -117,13 +156,13 @@ def _below(folder: Path, out: Path) -> Iterator[Path]:
     if _is_bag(folder):
         yield folder
         return
-    for entry in sorted(os.scandir(folder), key=lambda e: e.name):
+    for entry in sorted(folder.iterdir(), key=lambda path: path.name):
         if entry.name.startswith('.'):
             continue
         if entry.is_dir():
-            yield from _below(Path(entry.path), out)
+            yield from _below(entry, out)
         elif entry.is_file():
-            yield Path(entry.path)
+            yield entry
 
 
 def _is_bag(folder: Path) -> bool:
@@ -147,12 +186,12 @@ def _recording(path: Path, root: Path, several: bool) -> Recording:
 
 def _unlike(recordings: Sequence[Recording]) -> list[Recording]:
     """The recordings, names that are taken numbered."""
-    seen: dict[str, int] = {}
+    seen: Counter[str] = Counter()
     out = []
     for r in recordings:
-        seen[r.name] = count = seen.get(r.name, 0) + 1
-        name = r.name if count == 1 else f'{r.name} ({count})'
-        out.append(Recording(r.path, r.machine, name, r.fault))
+        seen[r.name] += 1
+        count = seen[r.name]
+        out.append(r if count == 1 else replace(r, name=f'{r.name} ({count})'))
     return out
 
 
@@ -189,13 +228,11 @@ def diagnose_one(key: str) -> dict[str, Any]:
     try:
         answer = findings(question, question.command(asked['out']))
     except SpaceRobotError as error:
-        return {'error': ' '.join(str(error).split()), 'run_time': _since(started)}
-    write_answer(answer, question.robot, Path(asked['out']))
-    return {**_answer_columns(answer), 'error': None, 'run_time': _since(started)}
-
-
-def _since(started: float) -> float:
-    return round(time.perf_counter() - started, 3)
+        found: dict[str, Any] = {'error': ' '.join(str(error).split())}
+    else:
+        write_answer(answer, question.robot, Path(asked['out']))
+        found = {**_answer_columns(answer), 'error': None}
+    return {**found, 'run_time': round(time.perf_counter() - started, 3)}
 
 
 def _answer_columns(answer: Findings) -> dict[str, Any]:
@@ -263,13 +300,11 @@ def _momentum(answer: Findings) -> dict[str, list[dict[str, float | None]]]:
 
 def _looked_at(record: Record, answer: Findings) -> dict[str, Any]:
     """What should be looked at in the recording, a line each; how many numbers of all it tells."""
+    told: dict[str, int | None] = {'told': None, 'numbers': None}
     try:
         quality = quality_of(record, answer.file)
     except SpaceRobotError as error:
-        return {'health': [str(error)], 'told': None, 'numbers': None}
-    found = quality.excitation
-    return {
-        'health': list(quality.findings),
-        'told': None if found is None else count_told(found),
-        'numbers': None if found is None else len(found),
-    }
+        return {'health': [str(error)], **told}
+    if (found := quality.excitation) is not None:
+        told = {'told': count_told(found), 'numbers': len(found)}
+    return {'health': list(quality.findings), **told}

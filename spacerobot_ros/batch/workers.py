@@ -48,13 +48,15 @@ class Outcome:
         key: Its key.
         result: What it returned.
         failure: Why it returned nothing; empty where it did.
-        is_final: Whether another attempt would say the same.
     """
 
     key: str
     result: Any = None
     failure: str = ''
-    is_final: bool = True
+
+
+class TaskError(Exception):
+    """A task failed, and not on purpose: another attempt may not."""
 
 
 def has_dask() -> bool:
@@ -63,13 +65,17 @@ def has_dask() -> bool:
 
 
 def attempt(run: Callable[[str], Any], key: str) -> Outcome:
-    """Run a task once, whatever it raises."""
+    """Run a task once.
+
+    Raises:
+        TaskError: whatever another attempt may do without.
+    """
     try:
         return Outcome(key, run(key))
     except SpaceRobotError as error:
         return Outcome(key, failure=in_a_line(error))
     except Exception as error:  # noqa: BLE001  whatever it is, it costs this task only
-        return Outcome(key, failure=in_a_line(error, is_ours=True), is_final=False)
+        raise TaskError(in_a_line(error, is_ours=True)) from None
 
 
 def in_a_line(error: BaseException, is_ours: bool = False) -> str:

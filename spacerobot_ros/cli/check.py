@@ -1,9 +1,11 @@
-"""`spacerobot check`: is this recording worth anything, before anything else.
+"""`spacerobot check`: say what a recording is worth: rates, clocks, noise, faults, excitation
 
 Look at a recording before anything is concluded from it: sensors, rates, gaps, jitter, clocks;
 range, steps, saturation and noise of every channel; how the rates' errors are white or walk
 (Allan deviation); slips of a data sheet by name; with a robot file the noise that it states, and
 what the motion tells of every unknown. ROS is not needed.
+
+DATA is a rosbag2 folder, mcap or db3 file, npz, CSV or JSON (.gz).
 
 examples:
   spacerobot check run --robot config/servicer.yaml
@@ -15,13 +17,25 @@ exit status: 0 nothing found, 1 something to look at was found, 2 unusable input
 
 from __future__ import annotations
 
-import argparse
-
-from .options import check_file
-from .terminal import print_json, print_sections
+from . import options as opt
+from .terminal import print_answer
 
 
-def run(args: argparse.Namespace) -> int:
+@opt.command(__doc__)
+@opt.path_argument('data', metavar='DATA')
+@opt.path('--robot', metavar='YAML', help='robot file')
+@opt.mapping
+@opt.path('--report', metavar='HTML', help='write a report with plots')
+@opt.switch('--force', help='replace a report that is there')
+@opt.as_json
+def run(
+    data: str,
+    robot: str | None,
+    mapping: str | None,
+    report: str | None,
+    force: bool,
+    as_json: bool,
+) -> int:
     """Look and print; 0 where nothing was found, else 1."""
     from ..diagnosis.quality.quality import quality_of
     from ..effects.robot_file import load_robot_file
@@ -29,17 +43,14 @@ def run(args: argparse.Namespace) -> int:
     from ..report.html import write_report
     from ..report.quality_page import quality_page, quality_sections
 
-    if args.report:
-        check_file(args.report, args.force)
-    file = None if args.robot is None else load_robot_file(args.robot)
-    record = read_record(args.data, None if file is None else file.robot, args.map)
+    if report:
+        opt.check_file(report, force)
+    file = load_robot_file(robot) if robot else None
+    record = read_record(data, file.robot if file else None, mapping)
     quality = quality_of(record, file)
     try:
-        if args.report:
-            write_report(quality_page(quality), args.report)
+        if report:
+            write_report(quality_page(quality), report)
     finally:  # what was found is said even where no page can be written
-        if args.json:
-            print_json(quality)
-        else:
-            print_sections(quality_sections(quality, is_whole=False))
+        print_answer(as_json, quality, quality_sections(quality, is_whole=False))
     return 1 if quality.findings else 0

@@ -1,8 +1,11 @@
-"""`spacerobot compare`: what changed between two recordings of one machine.
+"""`spacerobot compare`: say what changed on an arm between two recordings, or that nothing did
 
 Say what changed on an arm between two recordings, or two groups of them: a payload, a joint that
 got stiffer, a sensor that was remounted. What both share is cancelled, so that a model that
 explains neither of them well does for this. ROS is not needed.
+
+BEFORE and AFTER are rosbag2 folders, mcap or db3 files, npz, CSV or JSON; AFTER is the same
+machine later.
 
 writes: DIR/comparison.json      what changed, and what change would have been seen
         DIR/report.html          one page for a review
@@ -20,16 +23,28 @@ exit status: 0 unchanged, 1 changed, 2 unusable input
 
 from __future__ import annotations
 
-import argparse
 import shlex
 
-from .options import check_folder
-from .terminal import print_json, print_sections, progress
+from . import options as opt
+from .terminal import print_answer, progress
 
 JSON_NAME, REPORT_NAME = 'comparison.json', 'report.html'
 
 
-def run(args: argparse.Namespace) -> int:
+@opt.command(__doc__)
+@opt.path_argument('first', metavar='BEFORE')
+@opt.path_argument('second', metavar='AFTER')
+@opt.recording
+@opt.path('--before', metavar='DATA...', multiple=True, help='further recordings like BEFORE')
+@opt.path('--after', metavar='DATA...', multiple=True, help='further recordings like AFTER')
+@opt.robot
+@opt.out
+@opt.switch('--force', help='replace an earlier comparison')
+@opt.as_json
+def run(
+    first: str, second: str, mapping: str | None, split_gaps: bool, before: tuple[str, ...],
+    after: tuple[str, ...], robot: str, out: str, force: bool, as_json: bool,
+) -> int:  # fmt: skip
     """Compare, write, print; 0 where nothing changed, else 1."""
     from ..diagnosis.comparison.change_conclusion import conclude_changes
     from ..diagnosis.comparison.compare import compare
@@ -40,32 +55,24 @@ def run(args: argparse.Namespace) -> int:
     from ..report.comparison_page import comparison_page, summary
     from ..report.html import write_report
 
-    out = check_folder(args.out, (JSON_NAME, 'a comparison'), args.force)
-    file = load_robot_file(args.robot)
+    folder = opt.check_folder(out, (JSON_NAME, 'a comparison'), force)
+    file = load_robot_file(robot)
     with progress() as stage:
         report = stage('reading', 1.0)
-        groups = [[args.first, *args.before], [args.second, *args.after]]
-        before, after = read_groups(groups, file.robot, args.map, split_gaps=args.split_gaps)
+        groups = [[first, *before], [second, *after]]
+        earlier, later = read_groups(groups, file.robot, mapping, split_gaps=split_gaps)
         found = compare(
-            before, after, file.robot, file.effects, lambda what, share: report(share, what)
+            earlier, later, file.robot, file.effects, lambda what, share: report(share, what)
         )
     comparison = conclude_changes(found)
-    write_text(out / JSON_NAME, json_text(comparison))
-    write_report(comparison_page(comparison, _command(args)), out / REPORT_NAME)
-    if args.json:
-        print_json(comparison)
-    else:
-        print_sections(summary(comparison))
-        print(f'written: {out}: {JSON_NAME}, {REPORT_NAME}')
+    words = ['spacerobot', 'compare', first, second]
+    words += ['--before', *before] * bool(before)
+    words += ['--after', *after] * bool(after)
+    words += ['--map', mapping] if mapping else []
+    words += ['--split-gaps'] * split_gaps
+    asked = shlex.join([*words, '--robot', robot, '--out', out])
+    write_text(folder / JSON_NAME, json_text(comparison))
+    write_report(comparison_page(comparison, asked), folder / REPORT_NAME)
+    written = f'{folder}: {JSON_NAME}, {REPORT_NAME}'
+    print_answer(as_json, comparison, summary(comparison), written)
     return 0 if comparison.verdict == 'unchanged' else 1
-
-
-def _command(args: argparse.Namespace) -> str:
-    """The command line again."""
-    words = ['spacerobot', 'compare', args.first, args.second]
-    for name in ('before', 'after'):
-        given = getattr(args, name)
-        words += [f'--{name}', *given] * bool(given)
-    words += ['--map', args.map] * bool(args.map)
-    words += ['--split-gaps'] * args.split_gaps
-    return shlex.join([*words, '--robot', args.robot, '--out', args.out])

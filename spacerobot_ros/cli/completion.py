@@ -1,4 +1,4 @@
-"""`spacerobot completion`: commands, options, choices and files at a press of the tab key.
+"""`spacerobot completion`: what makes bash or zsh complete all of this
 
 Print what makes a shell complete commands, options, choices and files of `spacerobot`.
 
@@ -11,34 +11,23 @@ exit status: 0 printed
 
 from __future__ import annotations
 
-import argparse
+import click
 
-from .options import Subparsers
+from .options import command
 
-_FOLDERS = ('DIR', 'FOLDER')
+VARIABLE = '_SPACEROBOT_COMPLETE'
+"""Of the environment, in which the script asks what completes a line."""
 
 
-def run(args: argparse.Namespace) -> int:
+@command(__doc__)
+@click.argument('shell', type=click.Choice(['bash', 'zsh']))
+@click.pass_context
+def run(context: click.Context, shell: str) -> int:
     """Print the script."""
-    import shtab
+    from click.shell_completion import get_completion_class
 
-    from .main import whole_parser
-
-    parser = whole_parser()
-    for action in _actions(parser):
-        is_open = action.option_strings == [] or action.metavar is not None
-        if is_open and not action.choices and action.nargs != 0:
-            kind = shtab.DIRECTORY if action.metavar in _FOLDERS else shtab.FILE
-            vars(action).setdefault('complete', kind)
-    print(shtab.complete(parser, shell=args.shell))
+    root = context.find_root()
+    of_shell = get_completion_class(shell)
+    assert of_shell is not None  # one of the choices
+    print(of_shell(root.command, {}, 'spacerobot', VARIABLE).source())
     return 0
-
-
-def _actions(parser: argparse.ArgumentParser) -> list[argparse.Action]:
-    """Of a parser and its sub-commands."""
-    out: list[argparse.Action] = []
-    for action in parser._actions:
-        out.append(action)
-        if isinstance(action, Subparsers):
-            out += [a for sub in action.choices.values() for a in _actions(sub)]
-    return out

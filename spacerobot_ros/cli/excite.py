@@ -1,4 +1,4 @@
-r"""`spacerobot excite`: design of an identification motion.
+r"""`spacerobot excite`: design the motion that an identification learns most from
 
 Design a joint motion (Fourier series plus quintic) from which wheel momentum and inertia are
 identified as precisely as the limits allow. Limits and search are section `excitation` of the
@@ -25,43 +25,53 @@ exit status: 0 written, 2 unusable input (limits that nothing can keep included)
 
 from __future__ import annotations
 
-import argparse
 import sys
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from ..display import Item, Section, table_of
 from ..errors import ConfigurationError
-from .options import check_file
-from .terminal import print_json, print_sections, progress
+from . import options as opt
+from .terminal import print_answer, progress
 
 if TYPE_CHECKING:
     from ..effects.robot_file import RobotFile
-    from ..excitation.separation import Place, Separated
 
-_NESTED = 1e-3  # sine of the angle between signatures; below, one is a special case of the other
+_CRITERIA = ('information', 'condition', 'unit_condition')
+_SEPARATE = 'design the motion that tells two effects of the diagnosis apart instead'
 
 
-def run(args: argparse.Namespace) -> int:
+@opt.command(__doc__)
+@opt.robot
+@opt.path('-o', '--output', metavar='YAML', required=True, help='robot file with the motion')
+@opt.option('--separate', metavar='EFFECT[@WHERE] EFFECT[@WHERE]', nargs=2, help=_SEPARATE)
+@opt.choice('--criterion', _CRITERIA, help="what to optimize (default: file's)")
+@opt.positive('--duration', metavar='S', help="of the motion (default: the file's)")
+@opt.count('--starts', "starting points (default: the file's)", 1)
+@opt.count('--seed', "seed of the starting points (default: the file's)")
+@opt.path('--report', metavar='HTML', help='write a report with plots')
+@opt.switch('--force', help='replace files that are there')
+@opt.as_json
+def run(
+    robot: str, output: str, separate: tuple[str, str] | None, report: str | None, force: bool,
+    as_json: bool, **own: Any,
+) -> int:  # fmt: skip
     """Design, write, print; 0 when the motion is written, 130 when Ctrl-C cut the search."""
     from ..effects.robot_file import load_robot_file
 
-    check_file(args.output, args.force, args.robot)
-    if args.report:
-        check_file(args.report, args.force, args.robot)
-    file = load_robot_file(args.robot)
-    names = ('criterion', 'duration', 'starts', 'seed')
-    given = {f'excitation.{name}': getattr(args, name) for name in names}
+    for written in filter(None, (output, report)):
+        opt.check_file(written, force, robot)
+    file = load_robot_file(robot)
+    given = {f'excitation.{name}': value for name, value in own.items()}
     file = replace(file, settings=file.settings.changed(given))
-    if args.separate:
-        for option in ('criterion', 'report'):
-            if getattr(args, option) is not None:
-                raise ConfigurationError(f'--{option}', 'has no meaning with --separate')
-        return _separate(args, file)
-    return _design(args, file)
+    if not separate:
+        return _design(file, robot, output, report, as_json)
+    for name, value in (('criterion', own['criterion']), ('report', report)):
+        if value is not None:
+            raise ConfigurationError(f'--{name}', 'has no meaning with --separate')
+    return _separate(file, robot, output, separate, own['duration'], as_json)
 
 
-def _design(args: argparse.Namespace, file: RobotFile) -> int:
+def _design(file: RobotFile, robot: str, output: str, report: str | None, as_json: bool) -> int:
     from ..excitation.assessment import Summary
     from ..excitation.design import search
     from ..excitation.motions import write_trajectory
@@ -70,78 +80,44 @@ def _design(args: argparse.Namespace, file: RobotFile) -> int:
     from ..report.html import write_report
 
     problem = Problem(file)
-    options = problem.settings.excitation
+    settings = problem.settings.excitation
     with progress() as stage:
-        advance = stage('designing', options.starts * options.iterations)
+        advance = stage('designing', settings.starts * settings.iterations)
         design = search(problem, lambda steps, _: advance(steps))
     summary = Summary(problem, design)
-    write_trajectory(summary.chosen, args.robot, args.output)
-    if args.json:
-        print_json(summary)
-    else:
-        print_sections(excitation_sections(summary))
-        print(f'written: {args.output}')
-    if args.report:
-        write_report(excitation_page(summary), args.report)
+    write_trajectory(summary.chosen, robot, output)
+    print_answer(as_json, summary, excitation_sections(summary), output)
+    if report:
+        write_report(excitation_page(summary), report)
     if design.interrupted:
         print('spacerobot excite: stopped early, best motion so far kept', file=sys.stderr)
         return 130
     return 0
 
 
-def _separate(args: argparse.Namespace, file: RobotFile) -> int:
+def _separate(
+    file: RobotFile, robot: str, output: str, names: tuple[str, str], duration: float | None,
+    as_json: bool,
+) -> int:  # fmt: skip
     """Design the motion that best tells two effects apart."""
     from ..effects.catalogue import kind_at
     from ..excitation.motions import Chosen, write_trajectory
     from ..excitation.separation import Place, budget, separate
+    from ..report.excitation_page import separation_section
 
-    parts = (text.partition('@') for text in args.separate)
+    parts = (text.partition('@') for text in names)
     first, second = (
         Place(*kind_at(name, where or None, file.robot, '--separate')) for name, _, where in parts
     )
     if first.name == second.name:
         raise ConfigurationError('--separate', f'{first.name} is given twice')
     with progress() as stage:
-        advance = stage('designing', budget(file, args.duration))
-        found = separate(file, (first, second), args.duration, advance)
+        advance = stage('designing', budget(file, duration))
+        found = separate(file, (first, second), duration, advance)
     best = found.best
     motions = best.motions
-    write_trajectory(Chosen(motions.family, best.x, motions.start), args.robot, args.output)
-    if args.json:
-        print_json(
-            {
-                'schema': 1,
-                'separate': [first.name, second.name],
-                'tried': found.tried,
-                'best': best,
-                'robot_file': found.own,
-            }
-        )
-    else:
-        print_sections([_separated(first, second, found)])
-        print(f'written: {args.output}')
+    write_trajectory(Chosen(motions.family, best.x, motions.start), robot, output)
+    values = {'schema': 1, 'separate': [first.name, second.name], 'tried': found.tried}
+    values |= {'best': best, 'robot_file': found.own}
+    print_answer(as_json, values, [separation_section(first, second, found)], output)
     return 0
-
-
-def _separated(first: Place, second: Place, found: Separated) -> Section:
-    best = found.best
-    head = (
-        f'best of {found.tried} motions: {best.origin}, {best.motions.family.duration:g} s; '
-        "told apart: noise standard deviations of the part of an effect's plausible size that "
-        'the other can not imitate'
-    )
-    rows = [
-        {'of': of.name, 'other': other.name, 'seen': seen, 'motion': name}
-        for name, trial in (('this one', best), ('robot file', found.own))
-        if trial is not None
-        for of, other, seen in ((first, second, trial.first), (second, first, trial.second))
-    ]
-    heads = 'effect | from | seen | told apart | smallest told, of plausible size | motion'
-    cells = '{of} | {other} | {seen.visible:.4g} | {seen.apart:.4g} | {seen.smallest:number 3}'
-    items: list[Item] = [head, table_of('', '', rows, heads, cells + ' | {motion}')]
-    if min(best.first.sine, best.second.sine) < _NESTED:
-        items.append(
-            'note: one of them is all but a special case of the other; no motion tells it '
-            'from the more general one'
-        )
-    return Section('', items)

@@ -1,4 +1,4 @@
-"""`spacerobot export`: a model for other simulators, and what is lost on the way.
+"""`spacerobot export`: write a model for MuJoCo or as plain URDF, and say what is lost
 
 Write a robot file, such as the extended model of a diagnosis, for other simulators, and say what
 their format can not.
@@ -16,38 +16,32 @@ exit status: 0 written, 2 unusable input
 
 from __future__ import annotations
 
-import argparse
-
 from ..display import Section
 from ..formats import counted
-from .options import check_file
-from .terminal import print_json, print_sections
+from . import options as opt
+from .terminal import print_answer
 
 
-def run(args: argparse.Namespace) -> int:
+@opt.command(__doc__)
+@opt.robot
+@opt.choice('--to', ('mjcf', 'urdf'), required=True, help='format')
+@opt.path('-o', '--output', metavar='FILE', required=True, help='file to write')
+@opt.switch('--force', help='replace a file that is there')
+@opt.as_json
+def run(robot: str, to: str, output: str, force: bool, as_json: bool) -> int:
     """Write, and say what is lost."""
     from ..effects.robot_file import load_robot_file
     from ..model.files import write_text
     from ..simulation.export.mjcf import to_mjcf
     from ..simulation.export.plain_urdf import to_urdf
 
-    target = check_file(args.output, args.force, args.robot)
-    file = load_robot_file(args.robot)
-    exported = to_mjcf(file) if args.to == 'mjcf' else to_urdf(file)
+    target = opt.check_file(output, force, robot)
+    file = load_robot_file(robot)
+    exported = to_mjcf(file) if to == 'mjcf' else to_urdf(file)
     write_text(target, exported.text)
-    if args.json:
-        print_json(
-            {
-                'schema': 1,
-                'format': args.to,
-                'written': args.output,
-                'effects_written': exported.included,
-                'lost': exported.lost,
-            }
-        )
-        return 0
-    count = f'{counted(len(exported.included), "effect")} written'
-    count += f', {counted(len(exported.lost), "thing")} lost'
-    lines = [f'written: {args.output}: {count}', *(f'lost: {one}' for one in exported.lost)]
-    print_sections([Section('', lines)])
+    included, lost = exported.included, exported.lost
+    values = {'schema': 1, 'format': to, 'written': output, 'effects_written': included}
+    count = f'{counted(len(included), "effect")} written, {counted(len(lost), "thing")} lost'
+    lines = [f'written: {output}: {count}', *(f'lost: {one}' for one in lost)]
+    print_answer(as_json, {**values, 'lost': lost}, [Section('', lines)])
     return 0

@@ -1,7 +1,9 @@
-"""`spacerobot identify`: wheel momentum and inertial parameters from a recording.
+"""`spacerobot identify`: estimate wheel momentum and inertial parameters from a recording
 
 Estimate the momentum of the captured satellite's wheels and the minimal inertial parameters from
 a recording (rosbag2: mcap or sqlite3; an npz record; CSV or JSON, with --map). ROS is not needed.
+
+DATA is a rosbag2 folder, mcap or db3 file, npz, CSV or JSON (.gz).
 
 methods: ml        maximum likelihood over the bodies, with the robot file's uncertainty of them as
                    prior (robot.uncertainty); the most accurate, joints may turn or slide
@@ -20,26 +22,25 @@ exit status: 0 valid estimate, 1 the data do not suffice (the reason is given), 
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
 
-from ..display import Section, Table
 from ..errors import IdentificationError
-from .options import check_file
-from .terminal import print_json, print_sections, progress
-
-_MOST_ROWS = 60  # of a table; more than five joints have more minimal parameters
-
-if TYPE_CHECKING:
-    from ..identification.advice import Advice
-    from ..identification.estimate import Estimate
-    from ..model.robot import Robot
-    from ..recording.record import Record
+from . import options as opt
+from .terminal import print_answer, progress
 
 
-def run(args: argparse.Namespace) -> int:
+@opt.command(__doc__)
+@opt.path_argument('bag', metavar='DATA')
+@opt.recording
+@opt.robot
+@opt.choice('--method', ('ml', 'recursive', 'ls'), default='ml', help='estimator')
+@opt.path('--write', metavar='YAML', help='write the robot with the bodies found, YAML and URDF')
+@opt.switch('--force', help='overwrite what --write names')
+@opt.as_json
+def run(
+    bag: str, mapping: str | None, split_gaps: bool, robot: str, method: str, write: str | None,
+    force: bool, as_json: bool,
+) -> int:  # fmt: skip
     """Identify and print; 0 for a valid estimate, 1 where the data do not suffice."""
     from ..dynamics.blocks import check_momentum
     from ..effects.robot_file import load_robot_file
@@ -50,100 +51,45 @@ def run(args: argparse.Namespace) -> int:
     from ..identification.lone_body import identify_lone_body
     from ..identification.validity_limits import MOST_PASSES
     from ..model.writer import write_robot_file
+    from ..recording.read import read_record, read_records
+    from ..report.estimate_tables import estimate_sections
     from ..sensing.sensor_faults import corrected_record
 
-    if args.write:
-        check_file(args.write, args.force)
-    file = load_robot_file(args.robot)
+    if write:
+        opt.check_file(write, force)
+    file = load_robot_file(robot)
     check_momentum(file.robot)  # before the recording, which may lack what only that needs
-    record = _read(args, file.robot)
+    stretches = (
+        read_records([bag], file.robot, mapping, split_gaps=True)
+        if split_gaps
+        else (read_record(bag, file.robot, mapping),)
+    )
+    record = max(stretches, key=lambda part: part.span[1] - part.span[0])
+    if len(stretches) > 1:
+        note = f'the longest of {len(stretches)} stretches between pauses; the others are not used'
+        record = replace(record, notes=(*record.notes, note))
     if file.robot.joints:
         record = corrected_record(record, file.robot, file.effects)
-    robot, settings = file.believed, file.settings.identifier
+    machine, settings = file.believed, file.settings.identifier
     if file.robot.joints:
         with progress() as stage:
             advance = stage('identifying, passes', MOST_PASSES)
-            result = identify_robot(record, robot, settings, args.method, advance)
-        minimal = minimal_set(robot, settings.structure)
-        groups = list(standard_parameters(robot, minimal, settings.structure))
+            result = identify_robot(record, machine, settings, method, advance)
+        minimal = minimal_set(machine, settings.structure)
+        groups = list(standard_parameters(machine, minimal, settings.structure))
         advice = []
         if result.model is not None and result.posterior is not None:
             advice = list(advise_on(record, result.model, result.posterior, file.settings))
     else:
         result = identify_lone_body(record, file.robot, file.effects)
-        groups, advice = [robot.base_link] * len(result.estimate.parameters), []
+        groups, advice = [machine.base_link] * len(result.estimate.parameters), []
     estimate = result.estimate
-    if args.json:
-        data = {'schema': 1, **estimate.to_dict()}
-        for parameter, group in zip(data['parameters'], groups, strict=True):
-            parameter['groups'] = group
-        data['advice'] = [asdict(one) for one in advice]
-        print_json(data)
-    else:
-        print_sections(_sections(estimate, groups, advice))
-    if args.write:
+    values = {'schema': 1, **estimate.to_dict(), 'advice': [asdict(one) for one in advice]}
+    for parameter, group in zip(values['parameters'], groups, strict=True):
+        parameter['groups'] = group
+    print_answer(as_json, values, estimate_sections(estimate, groups, advice))
+    if write:
         if result.robot is None:
-            raise IdentificationError(f'{args.write} is not written: `ls` finds no bodies')
-        write_robot_file(file.before_effects(result.robot), args.robot, args.write)
+            raise IdentificationError(f'{write} is not written: `ls` finds no bodies')
+        write_robot_file(file.before_effects(result.robot), robot, write)
     return 0 if estimate.valid else 1
-
-
-def _read(args: argparse.Namespace, robot: Robot) -> Record:
-    """The recording, or the longest of the stretches between its pauses."""
-    from ..recording.read import read_record, read_records
-
-    if not args.split_gaps:
-        return read_record(args.bag, robot, args.map)
-    stretches = read_records([args.bag], robot, args.map, split_gaps=True)
-    longest = max(stretches, key=lambda part: part.span[1] - part.span[0])
-    note = f'the longest of {len(stretches)} stretches between pauses; the others are not used'
-    return replace(longest, notes=(*longest.notes, note)) if len(stretches) > 1 else longest
-
-
-def _sections(
-    estimate: Estimate, groups: Sequence[str], advice: Sequence[Advice]
-) -> Iterator[Section]:
-    """What is printed for people."""
-    n, std = len(estimate.aam), estimate.std
-    sources = estimate.sources or ('data',) * len(std)
-    momentum_std = estimate.total_momentum_covariance.diagonal() ** 0.5
-    momenta = [f'h_{link}_{axis}' for link in estimate.aam_links for axis in 'xyz']
-    if momenta:
-        units = ['N m s'] * n
-        wheels = zip(momenta, estimate.aam, std[:n], units, sources[:n], strict=True)
-        yield _estimates('wheel momentum of the captured body', wheels)
-    if any(estimate.units):
-        total = zip('xyz', estimate.total_momentum, momentum_std, ['N m s'] * 3, strict=True)
-        yield _estimates('total angular momentum, inertial frame', total)
-    title = 'minimal inertial parameters, each with the numbers of the bodies that it groups'
-    names, values = estimate.parameter_names, estimate.parameters
-    found = zip(names, values, std[n:], estimate.units, sources[n:], groups, strict=True)
-    if len(names) <= _MOST_ROWS:
-        yield _estimates(title, found)
-    else:
-        yield Section('', [f'{len(names)} minimal inertial parameters: --json has them'])
-    head = (
-        f'method {estimate.method}, {estimate.samples} samples, rank {estimate.rank} of '
-        f'{estimate.unknowns}, condition {estimate.condition:.4g}, '
-        f'chi-square per degree of freedom {estimate.chi2_per_dof:.3g}'
-    )
-    only = [f'from the file alone: {line}' for line in estimate.unexcited]
-    reason = [] if estimate.valid else [f'not valid: {estimate.reason}']
-    notes = [f'note: {note}' for note in estimate.notes]
-    yield Section('', [head, *only, *notes, *reason])
-    if advice:
-        rows = [(one.motion or 'none of those tried', '\n'.join(one.tells)) for one in advice]
-        title = 'what more motion would tell of the wheel momentum, in the order of its worth'
-        yield Section(title, [Table(('extra motion', 'tells'), rows)])
-
-
-def _estimates(title: str, rows: Iterable[tuple[Any, ...]]) -> Section:
-    """Names, values as far as they are known, their standard deviations, units and sources."""
-    from ..formats import decimals
-
-    head = ('name', 'value', '+- std', 'unit', 'from', 'groups')
-    cells = [
-        (name, f'{value:.{decimals(std)}f}', f'{std:.{decimals(std)}f}', *others)
-        for name, value, std, *others in rows
-    ]
-    return Section(title, [Table(head[: len(cells[0])] if cells else head[:4], cells)])

@@ -1,171 +1,154 @@
-"""What all commands share: their parsers, types of arguments, and checks of what they will write.
+"""What all commands share: their declaration, options, and checks of what they will write.
 
 Types say what is wrong with a value; targets are checked before any work is done.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
+
+import click
 
 from ..errors import ConfigurationError
 
 if TYPE_CHECKING:
     from ..batch.workers import Workers
 
-Subparsers = argparse._SubParsersAction
+    Decorator = Callable[[Callable[..., int]], Callable[..., int]]
 
 
-class Formatter(argparse.RawDescriptionHelpFormatter, argparse.ArgumentDefaultsHelpFormatter):
-    """Keeps the layout of descriptions and shows defaults."""
+class _Command(click.Command):
+    """A command whose options of many values take all words up to the next option."""
 
-    def _get_help_string(self, action: argparse.Action) -> str | None:
-        """Defaults of None or False say nothing."""
-        if action.default is None or action.default is False:
-            return action.help
-        return super()._get_help_string(action)
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Words with `--after A B` as `--after A --after B`."""
+        many = {name for param in self.params if param.multiple for name in param.opts}
+        option, words = '', list[str]()
+        for word in args:
+            if word.startswith('-'):
+                option = word if word in many else ''
+            elif option and words[-1] != option:
+                words.append(option)
+            words.append(word)
+        return super().parse_args(ctx, words)
 
 
-def help_texts(text: str | None) -> dict[str, Any]:
-    """What an argument parser says, from the docstring of a module.
+def _positive(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
+    """The value of an option, where it is finite and above zero."""
+    if value is not None and not 0.0 < value < math.inf:
+        raise click.BadParameter(f'{value:g} must be finite and above zero')
+    return value
+
+
+def command(
+    text: str | None, make: Callable[..., Any] = click.command, **given: Any
+) -> Callable[[Callable[..., int]], click.Command]:
+    """Make a function a command, its help the docstring of its module, the layout kept.
 
     Args:
-        text: A line for readers of the code, what the command does, and from `examples:` on
-            examples and exit statuses.
+        text: A line of which commands are listed with what follows the colon, what the command
+            does, and from `examples:` on examples and exit statuses.
+        make: Decorator of click.
+        given: What else that takes.
     """
-    about, examples, rest = (text or '').partition('\n\n')[2].partition('examples:\n')
-    return {'description': about, 'epilog': examples + rest}
+    summary, _, rest = (text or '').partition('\n\n')
+    about, head, epilog = rest.partition('examples:\n')
+    help_text, epilog = (
+        '\n\n'.join(f'\b\n{paragraph}' for paragraph in part.strip().split('\n\n'))
+        for part in (about, head + epilog)
+    )
+    listed = summary.partition(': ')[2]
+    return make(short_help=listed, help=help_text, epilog=epilog, **{'cls': _Command, **given})
 
 
-def add_command(
-    subparsers: Subparsers[argparse.ArgumentParser],
-    name: str,
-    text: str | None,
-    choices: Mapping[str, Sequence[str]] | None = None,
-    **words: str,
-) -> argparse.ArgumentParser:
-    """The parser of a command of `spacerobot`, its arguments those of `options.yaml`.
+option = click.option
+switch = partial(click.option, is_flag=True)
+positive = partial(click.option, type=float, callback=_positive)
+path = partial(click.option, type=click.Path())
+path_argument = partial(click.argument, type=click.Path())
 
-    Args:
-        subparsers: Of `spacerobot`.
-        name: Of the command.
-        text: Docstring of its module.
-        choices: Of arguments, where the code knows them.
-        words: What is put into the texts, by its name in braces.
-    """
-    texts: dict[str, Any] = {key: _with(words, value) for key, value in help_texts(text).items()}
-    # shells show the first line beside the name
-    summary = texts['description'].partition('\n')[0].replace('%', '%%')
-    parser = subparsers.add_parser(name, help=summary, formatter_class=Formatter, **texts)
-    add_arguments(parser, name, choices or {}, words)
-    return parser
+robot = path('--robot', metavar='YAML', required=True, help='robot file')
+_OF_TABLES = 'column mapping of CSV, JSON or npz data (docs/data.md)'
+mapping = path('--map', 'mapping', metavar='YAML', help=_OF_TABLES)
+as_json = switch('--json', 'as_json', help='print JSON, and nothing else')
+out = path('-o', '--out', metavar='DIR', required=True, help='folder to write')
 
 
-def add_arguments(
-    parser: argparse.ArgumentParser,
-    group: str,
-    choices: Mapping[str, Sequence[str]] = MappingProxyType({}),
-    words: Mapping[str, str] = MappingProxyType({}),
-) -> None:
-    """Add the arguments that stand below a name in `options.yaml`."""
-    for entry in _arguments()[group]:
-        if isinstance(entry, str):
-            add_arguments(parser, entry, choices, words)
-            continue
-        ((key, given),) = entry.items()
-        spec = dict(given) if isinstance(given, Mapping) else {'help': given}
-        names = [word for word in key.split() if word == word.lower()]
-        of_value = key.split()[len(names) :]
-        own = choices.get(names[0].lstrip('-'))
-        spec |= {'metavar': of_value[0]} if of_value else {}
-        spec |= {'choices': tuple(own)} if own else {}
-        if names[0].startswith('-') and not of_value and 'choices' not in spec:
-            spec['action'] = 'store_true'
-        if kind := spec.get('type'):
-            spec['type'] = positive_float if kind == 'positive' else whole_number(*kind)
-        parser.add_argument(*names, **{**spec, 'help': _with(words, spec['help'])})
+def count(name: str, help: str, least: int = 0) -> Decorator:
+    """An option that is a whole number."""
+    kind = click.IntRange(least)
+    kind.name = 'whole number'
+    return click.option(name, type=kind, metavar='N', help=help)
 
 
-@cache
-def _arguments() -> dict[str, list[Any]]:
-    import yaml
-
-    text = Path(__file__).with_name('options.yaml').read_text(encoding='utf-8')
-    return dict(yaml.load(text, yaml.CSafeLoader))  # ours: without the checks of `model.files`
+def choice(name: str, known: Sequence[str], **given: Any) -> Decorator:
+    """An option that is one of some words."""
+    return click.option(name, type=click.Choice(known), **given)
 
 
-def _with(words: Mapping[str, str], text: str) -> str:
-    for name, word in words.items():
-        text = text.replace(f'{{{name}}}', word)
-    return text
+def recording(function: Callable[..., int]) -> Callable[..., int]:
+    """Options of how recordings are read."""
+    text = 'take a recording as several, split at long pauses and where a table begins anew'
+    return mapping(switch('--split-gaps', help=text)(function))
 
 
-def workers_of(args: argparse.Namespace, *, isolated: bool) -> Workers:
-    """Who works, from the options of `workers` in `options.yaml`.
+def workers(function: Callable[..., int]) -> Callable[..., int]:
+    """Options of who works, as `workers_of` takes them."""
+    cluster = 'Dask cluster that does the work, such as tcp://10.0.0.1:8786, in place of processes'
+    hangs = 'time after which a task hangs, and is tried again elsewhere'
+    for add in (
+        switch('--dashboard', help="Dask's page of the work, on this machine only"),
+        positive('--timeout', metavar='S', default=3600.0, help=hangs),
+        positive('--memory', metavar='GB', help='of a process (default: its share)'),
+        option('--scheduler', metavar='ADDRESS', help=cluster),
+        count('--jobs', 'processes (default: one a core)', 1),
+    ):
+        function = add(function)
+    return function
+
+
+def workers_of(
+    *, isolated: bool, jobs: int | None, scheduler: str | None, memory: float | None,
+    timeout: float, dashboard: bool,
+) -> Workers:  # fmt: skip
+    """Who works, from the options of `workers`.
 
     Args:
-        args: Parsed.
         isolated: Whether a single process is one of its own, too.
+        jobs: Processes; None takes one a core.
+        scheduler: Address of a cluster in their place.
+        memory: Of a process [GB]; None takes its share.
+        timeout: After which a task hangs [s].
+        dashboard: Whether Dask shows its page.
 
     Raises:
         ConfigurationError: a scheduler is given, and there is no Dask.
     """
     from ..batch.workers import Workers, has_dask
 
-    number = args.jobs or len(os.sched_getaffinity(0))
+    number = jobs or len(os.sched_getaffinity(0))
     if not has_dask():
-        if args.scheduler:
+        if scheduler:
             raise ConfigurationError('--scheduler', 'needs dask and distributed: make setup')
         tell('dask is not installed: one process (make setup installs it)')
         number = 0
+    number = 0 if number == 1 and not isolated else number
+    limit = None if memory is None else round(1e9 * memory)
     return Workers(
-        number=0 if number == 1 and not isolated else number,
-        scheduler=args.scheduler,
-        memory=None if args.memory is None else round(1e9 * args.memory),
-        timeout=args.timeout,
-        dashboard=args.dashboard,
-        notice=tell,
-    )
+        number=number, scheduler=scheduler or '', memory=limit, timeout=timeout,
+        dashboard=dashboard, notice=tell,
+    )  # fmt: skip
 
 
 def tell(line: str) -> None:
     """A line beside the answer."""
     sys.stderr.write(f'spacerobot: {line}\n')
-
-
-def positive_float(text: str) -> float:
-    """A finite number above zero."""
-    try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f'{text!r} is not a number') from None
-    if not math.isfinite(value) or value <= 0.0:
-        raise argparse.ArgumentTypeError(f'{text} must be finite and above zero')
-    return value
-
-
-def whole_number(least: int, most: float = math.inf) -> Callable[[str], int]:
-    """A whole number within limits."""
-    words = {0: 'zero', 1: 'one'}.get(least, str(least))
-    limits = f'{words} or above' if math.isinf(most) else f'from {least} to {most:g}'
-
-    def parse(text: str) -> int:
-        try:
-            value = int(text)
-        except ValueError:
-            raise argparse.ArgumentTypeError(f'{text!r} is not a whole number') from None
-        if not least <= value <= most:
-            raise argparse.ArgumentTypeError(f'{text} must be {limits}')
-        return value
-
-    return parse
 
 
 def check_file(path: str, force: bool, source: str = '') -> Path:

@@ -1,9 +1,11 @@
-"""`spacerobot show`: a recording in 3D, on one page.
+"""`spacerobot show`: play a recording in 3D on one page, with what the model makes of it
 
 Write one page that plays a recording in 3D: bodies from the URDF's visuals or from their inertia,
 base attitude, joints, wheel and total momentum as arrows; beneath it the channels. A ghost shows
 what the model makes of the measured efforts, beginning again from the measured state every two
 seconds. The page needs no network; meshes are read from STL and OBJ. ROS is not needed.
+
+DATA is a rosbag2 folder, mcap or db3 file, npz, CSV or JSON (.gz).
 
 examples:
   spacerobot show run --robot config/servicer.yaml -o out/replay.html
@@ -14,14 +16,22 @@ exit status: 0 written, 2 unusable input
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 from ..formats import counted
-from .options import check_file
+from . import options as opt
 
 
-def run(args: argparse.Namespace) -> int:
+@opt.command(__doc__)
+@opt.path_argument('data', metavar='DATA')
+@opt.robot
+@opt.path('-o', '--output', metavar='HTML', required=True, help='page to write')
+@opt.mapping
+@opt.switch('--no-prediction', help="leave the model's ghost out")
+@opt.switch('--force', help='replace a page that is there')
+def run(
+    data: str, robot: str, output: str, mapping: str | None, no_prediction: bool, force: bool
+) -> int:
     """Write the page."""
     from ..display import Replay, Report, Section
     from ..effects.robot_file import load_robot_file
@@ -29,15 +39,15 @@ def run(args: argparse.Namespace) -> int:
     from ..report.html import write_report
     from ..simulation.replay.scene import scene_of
 
-    target = check_file(args.output, args.force, args.robot)
-    file = load_robot_file(args.robot)
-    record = read_record(args.data, file.robot, args.map)
-    scene = scene_of(record, file, has_prediction=not args.no_prediction)
+    target = opt.check_file(output, force, robot)
+    file = load_robot_file(robot)
+    record = read_record(data, file.robot, mapping)
+    scene = scene_of(record, file, has_prediction=not no_prediction)
     caption = 'Drag to turn, wheel or pinch to zoom; click into a channel to go to that time.'
     if scene.predicted is not None:
         caption += ' The orange ghost is what the model makes of the measured efforts.'
     section = Section('', [Replay(scene, caption)])
-    title = f'{file.robot.name}: {Path(args.data).name}'
+    title = f'{file.robot.name}: {Path(data).name}'
     write_report(Report(title, record.source, [section]), target)
     length = scene.measured.time[-1] - scene.measured.time[0]
     print(f'written: {target}: {length:.3g} s in {counted(len(scene.measured.time), "picture")}')

@@ -1,4 +1,4 @@
-"""`spacerobot simulate`: a closed-loop run without ROS, recorded in a bag.
+"""`spacerobot simulate`: simulate a robot in closed loop (no ROS needed) and record a bag
 
 Simulate the robot of a robot file in closed loop, without ROS, and record a rosbag2 (mcap).
 
@@ -15,21 +15,23 @@ examples:
   spacerobot simulate --robot config/servicer.yaml -o run2 --seed 2 --law computed_torque_no_aam
   spacerobot simulate --robot config/minisat.yaml -o adapting --law adaptive_composite
   ros2 bag info run
+
+exit status: 0 recorded, 2 unusable input
 """
 
 from __future__ import annotations
 
-import argparse
 import math
 import shutil
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..errors import ConfigurationError
 from ..formats import counted
 from ..model.control_settings import ADAPTIVE_LAWS, COMPUTED_TORQUE_LAWS
+from . import options as opt
 from .terminal import progress
 
 if TYPE_CHECKING:
@@ -37,31 +39,35 @@ if TYPE_CHECKING:
 
 _LAST_STAMP = 2**31 - 1  # s, of builtin_interfaces/Time
 _STEP_BYTES = 500  # of joints and commands in a period, at least
+_LAWS = (*COMPUTED_TORQUE_LAWS, *ADAPTIVE_LAWS)
+_REFERENCES = ('fourier', 'harmonic', 'hold', 'set_point', 'step')
+_DURATION = 'simulated time [s] (default: reference.duration of the robot file)'
 
 
-def known() -> dict[str, Any]:
-    """What the arguments' texts and choices take from the code."""
-    return {'choices': {'law': (*COMPUTED_TORQUE_LAWS, *ADAPTIVE_LAWS)}}
-
-
-def run(args: argparse.Namespace) -> int:
+@opt.command(__doc__)
+@opt.robot
+@opt.path('-o', '--output', metavar='BAG', required=True, help='folder to create')
+@opt.positive('--duration', metavar='S', help=_DURATION)
+@opt.count('--seed', "seed of the sensor noise (default: the file's)")
+@opt.choice('--law', _LAWS, help="control law (default: the file's)")
+@opt.choice('--reference', _REFERENCES, help="motion to follow (default: the file's)")
+@opt.switch('--no-noise', help='exact sensors')
+@opt.switch('--force', help='replace a bag that is there')
+def run(
+    robot: str, output: str, duration: float | None, seed: int | None, law: str | None,
+    reference: str | None, no_noise: bool, force: bool,
+) -> int:  # fmt: skip
     """Simulate and record; 0 when the bag is complete."""
     from ..effects.robot_file import load_robot_file
     from ..recording.bags.bag_writer import check_target
     from ..simulation.closed_loop import ClosedLoop, record_run
 
-    check_target(args.output, args.force)  # before any work
-    file = load_robot_file(args.robot)
-    settings = file.settings.changed(
-        {
-            'simulator.seed': args.seed,
-            'simulator.noise': False if args.no_noise else None,
-            'controller.law': args.law,
-            'reference.kind': args.reference,
-        }
-    )
-    duration = args.duration or settings.reference.duration
-    _check_duration(duration, settings.simulator.period, Path(args.output))
+    check_target(output, force)  # before any work
+    file = load_robot_file(robot)
+    given = {'simulator.seed': seed, 'controller.law': law, 'reference.kind': reference}
+    settings = file.settings.changed({**given, 'simulator.noise': False if no_noise else None})
+    duration = duration or settings.reference.duration
+    _check_duration(duration, settings.simulator.period, Path(output))
     steps = max(1, round(duration / settings.simulator.period))
     loop = ClosedLoop(file.robot, settings)
     adaptive = loop.controller.adaptive
@@ -71,8 +77,8 @@ def run(args: argparse.Namespace) -> int:
     started = time.perf_counter()
     with progress() as stage:
         advance = stage('simulating', steps)
-        summary = record_run(loop, steps, args.output, overwrite=args.force, progress=advance)
-    print(_line(args.output, summary, time.perf_counter() - started))
+        summary = record_run(loop, steps, output, overwrite=force, progress=advance)
+    print(_line(output, summary, time.perf_counter() - started))
     return 0
 
 
@@ -96,11 +102,9 @@ def _line(path: str, summary: RunSummary, wall: float) -> str:
     attitude = ''
     if summary.max_attitude_error is not None:
         attitude = f', of the attitude {math.degrees(summary.max_attitude_error):.3g} deg'
-    errors = []
-    if summary.max_joint_error is not None:
-        errors.append(f'{math.degrees(summary.max_joint_error):.3g} deg')
-    if summary.max_slide_error is not None:
-        errors.append(f'{1e3 * summary.max_slide_error:.3g} mm')
+    of_joints = ((summary.max_joint_error, math.degrees(1.0), 'deg'),
+                 (summary.max_slide_error, 1e3, 'mm'))  # fmt: skip
+    errors = [f'{by * error:.3g} {unit}' for error, by, unit in of_joints if error is not None]
     speed = summary.duration / wall
     speed_text = f'{speed:.0f}' if speed >= 10.0 else f'{speed:.1g}'
     return (

@@ -6,27 +6,22 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-from ..display import KeyFigures, Plot, Replay, Section, Table
+from ..display import Section, Table
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 _WIDTH = 160  # columns, where the output is no terminal
 _UPDATES = 200  # of a progress bar
-_RATE_PERIOD = 600.0  # s over which its rate is taken
+_RATE_PERIOD = 600.0  # s over which the time that is left is estimated
 _QUIET, _APART, _LONGEST = 5.0, 1.0, 60.0
 """Of lines, where no terminal is: none in the first s; s between two, at least and at the most."""
 
 
-class Advance(Protocol):
-    """Called with the part of a stage that is done, and what is being done where that changes."""
-
-    def __call__(self, done: float, what: str = '') -> None:
-        """Show it."""
-
-
+Advance = Callable[..., None]
+"""Called with the part of a stage that is done, and what is being done where that changes."""
 Stage = Callable[[str, float], Advance]
 """Called with what is being done and its total."""
 
@@ -38,11 +33,30 @@ def print_json(value: Any) -> None:
     print(json_text(value), end='')
 
 
+def print_answer(
+    as_json: bool, value: Any, sections: Iterable[Section], written: str = ''
+) -> None:
+    """An answer for programs or for people.
+
+    Args:
+        as_json: Whether as JSON, and nothing else.
+        value: What that is.
+        sections: What people read.
+        written: Named to people as written; empty for nothing.
+    """
+    if as_json:
+        print_json(value)
+    else:
+        print_sections(sections)
+        if written:
+            print(f'written: {written}')
+
+
 def print_sections(sections: Iterable[Section]) -> None:
     """Texts and tables of a report below their titles, texts indented; empty ones are left out."""
     from rich.console import Console
 
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDTH)
+    console = Console(highlight=False, emoji=False, width=None if sys.stdout.isatty() else _WIDTH)
     for section in sections:
         if section.title and section.items:
             console.print(section.title, markup=False, style='bold')
@@ -50,10 +64,8 @@ def print_sections(sections: Iterable[Section]) -> None:
             if isinstance(item, str):
                 text = f'  {item}' if section.title else item
                 console.print(text, markup=False, soft_wrap=True)
-            elif isinstance(item, Table):
+            elif isinstance(item, Table):  # others are of the page
                 _print_table(console, item)
-            elif isinstance(item, KeyFigures | Plot | Replay):
-                continue  # of the page
 
 
 def _print_table(console: Console, table: Table) -> None:
@@ -85,33 +97,13 @@ def progress() -> Iterator[Stage]:
         yield _lines(time.monotonic())
         return
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        ProgressColumn,
-        Task,
-        TaskProgressColumn,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-    from rich.text import Text
+    from rich.progress import Progress, TimeElapsedColumn
 
-    class _Rate(ProgressColumn):
-        """Tasks done in a second, where more than one is counted."""
-
-        def render(self, task: Task) -> Text:
-            """As text."""
-            counts = task.speed and task.total and task.total > 1.0
-            return Text(f'{task.speed:.2g}/s' if counts else '')
-
-    columns = (
-        *(TextColumn('{task.description}'), BarColumn(), TaskProgressColumn()),
-        *(_Rate(), TimeElapsedColumn(), TextColumn('left'), TimeRemainingColumn()),
-    )
+    columns, console = Progress.get_default_columns(), Console(stderr=True)
     with Progress(
-        *columns, console=Console(stderr=True), transient=True, speed_estimate_period=_RATE_PERIOD
-    ) as bar:
+        TimeElapsedColumn(), *columns, console=console, transient=True,
+        speed_estimate_period=_RATE_PERIOD,
+    ) as bar:  # fmt: skip
 
         def stage(what: str, total: float) -> Advance:
             task, shown = bar.add_task(what, total=total), [0.0]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -27,7 +28,7 @@ from ..ros.session import Recorder, Session
 from ..simulation.plant import Plant
 from ..simulation.truth import true_robot
 from ..types import Array
-from .results import DemoRun
+from .results import DemoResults, DemoRun, truth_of
 
 OnProgress = Callable[[float], None]
 """Called with the simulated time done [s]."""
@@ -86,6 +87,35 @@ class _Log:
         )
         time = np.array(stamps) * 1e-9
         return DemoRun(time, error, at, angular, drift, energy, tuple(self.estimates))
+
+
+def demonstrate(
+    file: RobotFile, passes: int, bags: Mapping[Path, Path],
+    stage: Callable[[str, float], OnProgress],
+) -> DemoResults:  # fmt: skip
+    """Identify while tracking without the wheels, then track with them.
+
+    Args:
+        file: The robot file.
+        passes: Of the motion that identifies.
+        bags: Three to write, of the first pass after all passes and of the tracking last; and
+            where each will be found.
+        stage: Called with what is done and its length [s]; returns what is told of its progress.
+    """
+    started = time.perf_counter()
+    check_file(file)
+    settings, length = file.settings, file.settings.reference.duration
+    *exciting, tracking = bags
+    truth = truth_of(file.robot, true_robot(file.robot, settings), settings.identifier.structure)
+    advance = stage('tracking without the wheels, identifying them', passes * length)
+    found = identify(file, passes, exciting, advance)
+    advance = stage('tracking with them', length)
+    identified = track(file, found.estimates[-1], tracking, advance)
+    return DemoResults(
+        robot=file.robot.name, joints=file.robot.arm, seed=settings.simulator.seed,
+        identification=found, no_aam=found.until(length), identified=identified, truth=truth,
+        bags=tuple(map(str, bags.values())), wall=time.perf_counter() - started,
+    )  # fmt: skip
 
 
 def check_file(file: RobotFile) -> None:

@@ -169,7 +169,7 @@ def _without_waiting(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_NONBLOCK)
 
 
-def write_text(path: str | Path, text: str, replaced: Path | None = None) -> Path:
+def write_text(path: str | Path, text: str | bytes, replaced: Path | None = None) -> Path:
     """Write a file, complete or not at all, making its folder; returns its path.
 
     Args:
@@ -187,8 +187,8 @@ def write_text(path: str | Path, text: str, replaced: Path | None = None) -> Pat
         if path.exists() and not (path.is_file() or path.is_dir()):  # it would be replaced
             raise ConfigurationError(str(path), 'can not be written: it is not a file')
         path.parent.mkdir(parents=True, exist_ok=True)
-        with open(partial, 'w', encoding='utf-8') as file:
-            file.write(text)
+        with open(partial, 'wb') as file:
+            file.write(text.encode() if isinstance(text, str) else text)
             if replaced is not None:
                 file.flush()
                 os.fsync(file.fileno())

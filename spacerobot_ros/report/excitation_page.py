@@ -8,11 +8,23 @@ from functools import partial
 
 import numpy as np
 
-from ..display import Curve, KeyFigure, KeyFigures, Panel, Plot, Report, Section, Table, table_of
+from ..display import (
+    Curve,
+    Item,
+    KeyFigure,
+    KeyFigures,
+    Panel,
+    Plot,
+    Report,
+    Section,
+    Table,
+    table_of,
+)
 from ..estimation.trajectory.base_response import BaseMotion
 from ..excitation.assessment import Summary
 from ..excitation.precision import Prediction
 from ..excitation.problem import Problem
+from ..excitation.separation import Place, Separated
 from ..formats import number, percent
 from ..types import Array
 
@@ -36,6 +48,7 @@ _HEADLINES = (
     'worst AAM / |h|',
     'median parameter',
 )
+_NESTED = 1e-3  # sine of the angle between signatures; below, one is a special case of the other
 
 
 def excitation_page(summary: Summary) -> Report:
@@ -82,6 +95,31 @@ def excitation_sections(summary: Summary) -> list[Section]:
         Section("servicer's own wheels, the same joint motion", [_wheels(summary)]),
         Section('', last),
     ]
+
+
+def separation_section(first: Place, second: Place, found: Separated) -> Section:
+    """What is told of a motion that tells two effects apart."""
+    best = found.best
+    head = (
+        f'best of {found.tried} motions: {best.origin}, {best.motions.family.duration:g} s; '
+        "told apart: noise standard deviations of the part of an effect's plausible size that "
+        'the other can not imitate'
+    )
+    rows = [
+        {'of': of.name, 'other': other.name, 'seen': seen, 'motion': name}
+        for name, trial in (('this one', best), ('robot file', found.own))
+        if trial is not None
+        for of, other, seen in ((first, second, trial.first), (second, first, trial.second))
+    ]
+    heads = 'effect | from | seen | told apart | smallest told, of plausible size | motion'
+    cells = '{of} | {other} | {seen.visible:.4g} | {seen.apart:.4g} | {seen.smallest:number 3}'
+    items: list[Item] = [head, table_of('', '', rows, heads, cells + ' | {motion}')]
+    if min(best.first.sine, best.second.sine) < _NESTED:
+        items.append(
+            'note: one of them is all but a special case of the other; no motion tells it '
+            'from the more general one'
+        )
+    return Section('', items)
 
 
 def _key_figures(summary: Summary) -> KeyFigures:

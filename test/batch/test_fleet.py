@@ -344,8 +344,7 @@ def test_what_is_a_recording_and_of_which_machine(tmp_path):
 
 def history(value, std, time=None):
     time = np.arange(float(len(value))) if time is None else time
-    names = tuple(map(str, range(len(value))))
-    return Course('arm', 'q', '1', names, time, np.asarray(value), np.asarray(std))
+    return Course('arm', 'q', '1', time, np.asarray(value), np.asarray(std))
 
 
 def test_a_line_through_values_alike_is_that_of_scipy(rng):

@@ -149,6 +149,7 @@ def test_the_command_goes_on_and_the_worst_run_is_replayed(tmp_path, capsys, mon
         ({'draw': [1]}, "expected a map with 'draw'"),
         ({'runs': -3}, 'above zero'),
         ({'speed': 1}, 'unknown key'),
+        ({'effects': [1]}, 'effects: expected a map'),
     ],
 )
 def test_bad_ranges(tmp_path, change, why):

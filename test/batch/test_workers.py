@@ -1,5 +1,7 @@
 """Who runs tasks: same results whoever does, and what fails costs itself alone."""
 
+import logging
+import re
 import subprocess
 import sys
 from functools import partial
@@ -68,38 +70,82 @@ def test_an_existing_cluster_whose_workers_come_and_go(tmp_path, alone):
     assert {outcome.key: outcome.result for outcome in seen} == alone
 
 
-def test_workers_of_another_version_are_refused(monkeypatch):
+def other_version(folder, name):
+    """A path on which a package has another version."""
+    info = folder / f'{name}-0.1.dist-info'
+    info.mkdir()
+    (info / 'METADATA').write_text(f'Metadata-Version: 2.1\nName: {name}\nVersion: 0.1\n')
+    return str(folder)
+
+
+def strangers(folder):
+    """A path on which this package is another one."""
+    (folder / 'spacerobot_ros').mkdir()
+    (folder / 'spacerobot_ros' / '__init__.py').touch()
+    return str(folder)
+
+
+def there(*paths):
+    """A cluster of one worker a folder, from which it imports first."""
+    own = {'nthreads': 1, 'host': '127.0.0.1', 'silence_logs': logging.CRITICAL}
+    return distributed.SpecCluster(
+        {
+            k: {
+                'cls': distributed.Nanny,
+                'options': {**own, 'preload': f'import sys; sys.path.insert(0, {path!r})'},
+            }
+            for k, path in enumerate(paths)
+        },
+        {'cls': distributed.Scheduler, 'options': {'host': '127.0.0.1', 'dashboard': False}},
+    )
+
+
+@pytest.mark.parametrize(
+    ('path', 'why'),
+    [
+        (partial(other_version, name='numba'), r'it has numba 0\.1, here it is '),
+        (strangers, r'it has not this version of spacerobot_ros .*ModuleNotFoundError'),
+    ],
+)
+def test_workers_of_another_version_are_named_and_not_used(tmp_path, alone, path, why):
+    lines, other = [], path(tmp_path)
+    with there('', other) as cluster:
+        plain = Workers(scheduler=cluster.scheduler_address, notice=lines.append)
+        found = results(tasks.draw, KEYS, plain)
+    assert {key: outcome.result for key, outcome in found.items()} == alone
+    assert len(lines) == 2
+    assert re.match(f'worker tcp://.* is not used: {why}', lines[1])
+    with (
+        there(other) as cluster,
+        pytest.raises(ConfigurationError, match=f'none of 1 worker fits: {why}'),
+    ):
+        results(tasks.draw, KEYS, Workers(scheduler=cluster.scheduler_address))
+
+
+def test_workers_that_do_not_start_again_stall_nothing(tmp_path, monkeypatch):
     from spacerobot_ros.batch import cluster
 
-    own = {**cluster.identity(), 'numpy': '0.1'}
-    with distributed.LocalCluster(
-        n_workers=1, host='127.0.0.1', dashboard_address='127.0.0.1:0'
-    ) as there:
-        plain = Workers(scheduler=there.scheduler_address)
-        monkeypatch.setattr(cluster, '_own', lambda: own)
-        with pytest.raises(ConfigurationError, match=r'none of 1 .*numpy .*here it is 0\.1'):
-            list(outcomes(tasks.draw, KEYS, plain))
+    config = {
+        **cluster._CONFIG,
+        'distributed.deploy.lost-worker-timeout': '1ms',  # which ends what is about to restart
+        'distributed.scheduler.no-workers-timeout': '2s',
+    }
+    monkeypatch.setattr(cluster, '_CONFIG', config)
+    run = partial(tasks.misbehave, folder=str(tmp_path))
+    with pytest.raises(ConfigurationError, match=r'--jobs 1: none of 0 workers fits: .*timed out'):
+        results(run, ['dies 1', *KEYS], Workers(number=1))
 
 
-def test_a_worker_that_ends_before_it_is_asked_ends_nothing():
-    from spacerobot_ros.batch import cluster
+def test_a_cluster_that_ends_meanwhile(monkeypatch):
+    from spacerobot_ros.batch import cluster as own
 
-    class Client:
-        answers = iter((OSError('gone'), cluster.identity(), *[OSError('gone')] * 3))
-
-        def nthreads(self):
-            return {'a': 1}
-
-        def run(self, *_, workers, **__):
-            return {workers[0]: next(self.answers)}
-
-    client = Client()
-    spread = cluster._Spread(client, tasks.draw, Workers(scheduler='there'))
-    assert [spread._alive(), spread._alive()] == [[], ['a']]
-    unheard = cluster._Spread(client, tasks.draw, Workers(scheduler='there'))
-    assert [unheard._alive(), unheard._alive()] == [[], []]
-    with pytest.raises(ConfigurationError, match=r'none of 1 worker fits: .*gone'):
-        unheard._alive()
+    monkeypatch.setattr(own, '_ANSWER', 1.0)
+    with there('') as cluster:
+        found = outcomes(tasks.draw, KEYS, Workers(scheduler=cluster.scheduler_address))
+        assert not next(found).failure
+        cluster.close()
+        with pytest.raises(ConfigurationError, match='what was finished before stays'):
+            list(found)
 
 
 def test_a_scheduler_that_does_not_answer(monkeypatch):
@@ -137,15 +183,12 @@ def test_a_client_that_is_killed_loses_what_is_in_flight_alone(tmp_path, alone):
 
 
 def test_without_dask_there_is_one_process(monkeypatch, capsys):
-    import argparse
-
     from spacerobot_ros.cli import options
 
     monkeypatch.setattr(workers_module, 'has_dask', lambda: False)
-    parser = argparse.ArgumentParser()
-    options.add_arguments(parser, 'workers')
-    found = options.workers_of(parser.parse_args(['--jobs', '4']), isolated=True)
+    given = {'isolated': True, 'jobs': 4, 'memory': None, 'timeout': 1.0, 'dashboard': False}
+    found = options.workers_of(**given, scheduler=None)
     assert found.number == 0
     assert capsys.readouterr().err.count('\n') == 1
     with pytest.raises(ConfigurationError, match='needs dask'):
-        options.workers_of(parser.parse_args(['--scheduler', 'tcp://a:1']), isolated=True)
+        options.workers_of(**given, scheduler='tcp://a:1')

@@ -15,7 +15,9 @@ import numpy as np
 import pytest
 from support.contracts import keeps
 
-from spacerobot_ros.cli import identify, main, simulate
+from spacerobot_ros import __version__
+from spacerobot_ros.cli import compare, identify, main, simulate
+from spacerobot_ros.cli.commands import COMMANDS
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import SpaceRobotError
 from spacerobot_ros.formats import decimals
@@ -130,21 +132,55 @@ def test_simulate_refuses_a_bad_robot_file_in_one_line(capsys, tmp_path):
 @pytest.mark.parametrize(
     ('options', 'message'),
     [
-        (['--duration', '0'], 'argument --duration: 0 must be finite and above zero'),
-        (['--duration', 'nan'], 'argument --duration: nan must be finite'),
-        (['--duration', 'soon'], "argument --duration: 'soon' is not a number"),
-        (['--seed', '-1'], 'argument --seed: -1 must be zero or above'),
-        (['--seed', '1.5'], "argument --seed: '1.5' is not a whole number"),
-        (['--law', 'pid'], "invalid choice: 'pid'"),
-        (['--reference', 'topic'], "invalid choice: 'topic'"),
-        (['--what'], 'unrecognized arguments: --what'),
+        (['--duration', '0'], "value for '--duration': 0 must be finite and above zero"),
+        (['--duration', 'nan'], "value for '--duration': nan must be finite and above zero"),
+        (['--duration', 'inf'], "value for '--duration': inf must be finite and above zero"),
+        (['--duration', 'soon'], "value for '--duration': 'soon' is not a valid float"),
+        (['--seed', '-1'], "value for '--seed': -1 is not in the range x>=0"),
+        (['--seed', '1.5'], "value for '--seed': '1.5' is not a valid whole number"),
+        (['--law', 'pid'], "value for '--law': 'pid' is not one of 'computed_torque', "),
+        (['--reference', 'topic'], "value for '--reference': 'topic' is not one of 'fourier', "),
+        (['--what'], 'No such option'),
+        (['--seed'], "'--seed' requires an argument"),
+        (['run'], 'unexpected extra argument (run)'),
     ],
 )
 def test_usage_errors_exit_with_2(capsys, tmp_path, options, message):
-    with pytest.raises(SystemExit) as stop:
-        main.main(['simulate', '--robot', ROBOT, '-o', str(tmp_path / 'run'), *options])
-    assert stop.value.code == 2
-    assert message in capsys.readouterr().err
+    line = fails(capsys, 2, 'simulate', '--robot', ROBOT, '-o', tmp_path / 'run', *options)
+    assert message in line
+    assert line.endswith('(spacerobot simulate --help says more)\n')
+    assert not (tmp_path / 'run').exists()
+
+
+@pytest.mark.parametrize(
+    ('words', 'message'),
+    [
+        ([], 'spacerobot: Missing command. (spacerobot --help says more)'),
+        (['simulat'], 'spacerobot simulat: no such command: simulat (known: demo, simulate, '),
+        (['--what'], 'spacerobot: No such option'),
+        (['compare', 'a', '--robot', 'b', '-o', 'c'], "compare: Missing argument 'AFTER'"),
+        (['diagnose', '--robot', 'b', '-o', 'c'], "diagnose: Missing argument 'DATA...'"),
+        (
+            ['export', '--robot', 'b', '-o', 'c'],
+            "Missing option '--to'. Choose from: mjcf, urdf",
+        ),
+        (['excite', '--separate', 'a'], "excite: Option '--separate' requires 2 arguments"),
+        (['completion', 'fish'], "completion: Invalid value for '{bash|zsh}': 'fish' is not"),
+    ],
+)
+def test_words_that_no_command_takes_are_one_line(capsys, words, message):
+    status, out, err = run(capsys, *words)
+    assert (status, out, err.count('\n')) == (2, '', 1)
+    assert message in err
+
+
+def test_an_option_of_many_values_ends_at_the_next_option(capsys, monkeypatch):
+    got = {}
+    monkeypatch.setattr(compare.run, 'callback', lambda **given: got.update(given) or 0)
+    words = ('a', '--after', 'x', 'y', '--robot', 'r', '--before', 'u', '-o', 'o', 'b')
+    assert run(capsys, 'compare', *words) == (0, '', '')
+    assert (got['first'], got['second']) == ('a', 'b')
+    assert (got['before'], got['after']) == (('u',), ('x', 'y'))
 
 
 # ---------------------------------------------------------------- identify
@@ -305,24 +341,17 @@ def test_decimals_show_two_digits_of_the_standard_deviation(std, expected):
 # ---------------------------------------------------------------- the frame around
 
 
-@pytest.mark.parametrize('command', [None, 'simulate', 'identify', 'demo'])
+@pytest.mark.parametrize('command', ['', *COMMANDS])
 def test_help_teaches_by_examples(capsys, command):
-    with pytest.raises(SystemExit) as stop:
-        main.main([command, '--help'] if command else ['--help'])
-    assert stop.value.code == 0
-    out = capsys.readouterr().out
-    assert 'examples:' in out
-    assert 'spacerobot ' in out
+    status, out, err = run(capsys, *filter(None, [command]), '--help')
+    assert (status, err) == (0, '')
+    assert f'\n  examples:\n    {"source <(" * (command == "completion")}spacerobot ' in out
+    assert '\n  exit status: 0 ' in out
 
 
-def test_no_command_and_version(capsys):
-    with pytest.raises(SystemExit) as stop:
-        main.main([])
-    assert stop.value.code == 2
-    with pytest.raises(SystemExit) as stop:
-        main.main(['--version'])
-    assert stop.value.code == 0
-    assert capsys.readouterr().out.startswith('spacerobot 0.')
+def test_version(capsys):
+    status, out, err = run(capsys, '--version')
+    assert (status, out, err) == (0, f'spacerobot {__version__}\n', '')
 
 
 @pytest.mark.parametrize(
@@ -349,10 +378,10 @@ def test_no_command_and_version(capsys):
     ],
 )
 def test_errors_become_statuses(capsys, monkeypatch, error, status, message):
-    def stop(_):
+    def stop(**_):
         raise error
 
-    monkeypatch.setattr(identify, 'run', stop)
+    monkeypatch.setattr(identify.run, 'callback', stop)
     assert fails(capsys, status, 'identify', 'x', '--robot', 'y') == message
 
 
@@ -383,10 +412,10 @@ def test_what_can_not_be_written_is_refused_before_the_work(capsys, tmp_path):
 
 
 def test_a_fault_of_ours_is_status_3_and_says_what_to_send(capsys, monkeypatch, tmp_path):
-    def stop(_):
+    def stop(**_):
         raise ZeroDivisionError('by\nzero')
 
-    monkeypatch.setattr(simulate, 'run', stop)
+    monkeypatch.setattr(simulate.run, 'callback', stop)
     monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
     line = fails(capsys, 3, 'simulate', '--robot', 'x', '-o', 'y')
     assert 'a fault of ours (ZeroDivisionError: by zero)' in line
@@ -424,7 +453,7 @@ def test_help_imports_nothing_heavy():
     code = (
         'import sys\n'
         'from spacerobot_ros.cli.main import main\n'
-        'try:\n    main(["--help"])\nexcept SystemExit:\n    pass\n'
+        'main(["--help"])\n'
         'heavy = {"numpy", "scipy", "pinocchio", "matplotlib", "rosbags", "rich", "rclpy"}\n'
         'print(sorted(heavy & set(sys.modules)), file=sys.stderr)\n'
     )

@@ -85,10 +85,10 @@ def test_what_is_held_back_is_raised_where_it_is_let_through():
 _WAITS = """
 import sys
 from spacerobot_ros.cli import identify, main
-def run(_):
+def run(**_):
     print('ready', flush=True)
     sys.stdin.read()
-identify.run = run
+identify.run.callback = run
 sys.exit(main.main(['identify', 'x', '--robot', 'y']))
 """
 
