@@ -260,7 +260,8 @@ RIGID = {
 @pytest.mark.parametrize('effect', RIGID)
 def test_what_swings_inside_is_the_model_when_it_is_stiff(tmp_path, effect):
     where, parameters = RIGID[effect]
-    rotor = [('motor_inertia', where, {'inertia': parameters.get('rotor_inertia', 0.0)})]
+    rotors = [parameters[name] for name in ('rotor_inertia',) if name in parameters]
+    rotor = [('motor_inertia', where, {'inertia': inertia}) for inertia in rotors]
     plain = run(tmp_path / 'plain', 'servicer', rotor, duration=2.0)
     stiff = run(tmp_path, 'servicer', [(effect, where, parameters)], duration=2.0)
     # deflections are of order acceleration / frequency^2 = 0.1 / 1e5
