@@ -171,8 +171,6 @@ def _asked(campaign: Campaign, checks: Sequence[Check]) -> Section:
             wanted, status = f'wanted: {c.low:.4g} to {c.high:.4g}', 'good' if c.is_met else 'bad'
             figures.append(KeyFigure(c.what, f'{c.value:.4g}', c.unit, wanted, status))
     table = table_of(
-        '',
-        '',
         [{'c': c, 'reached': 'yes' if c.is_met else 'NO'} for c in checks],
         'figure | value | from | to | unit | reached',
         '{c.what} | {c.value:.4g} | {c.low:.4g} | {c.high:.4g} | {c.unit} | {reached}',

@@ -140,7 +140,7 @@ def _table(entry: Mapping[str, Any], seen: _Entries) -> Table:
         rows = [{**row, name: list(row[name].values())} for row in rows]
     heads, cells = (' | '.join(own) for own in zip(*columns, strict=True))
     title, caption = (_filled(entry.get(name, ''), seen) for name in ('title', 'caption'))
-    return table_of(title, caption, rows, heads, cells)
+    return table_of(rows, heads, cells, caption, title)
 
 
 def _rows(found: Any) -> Iterator[Mapping[str, Any]]:
@@ -158,4 +158,4 @@ def _at(seen: Any, path: str) -> Any:
 
 
 def _filled(text: str, seen: Mapping[str, Any]) -> str:
-    return table_of('', '', [seen], '', text).rows[0][0]
+    return table_of([seen], '', text).rows[0][0]

@@ -22,7 +22,7 @@ exit status: 0 valid estimate, 1 the data do not suffice (the reason is given), 
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 from ..errors import IdentificationError
 from . import options as opt
@@ -84,7 +84,7 @@ def run(
         result = identify_lone_body(record, file.robot, file.effects)
         groups, advice = [machine.base_link] * len(result.estimate.parameters), []
     estimate = result.estimate
-    values = {'schema': 1, **estimate.to_dict(), 'advice': [asdict(one) for one in advice]}
+    values = {'schema': 1, **estimate.to_dict(), 'advice': advice}
     for parameter, group in zip(values['parameters'], groups, strict=True):
         parameter['groups'] = group
     print_answer(as_json, values, estimate_sections(estimate, groups, advice))

@@ -41,6 +41,7 @@ class WheelOption:
         prediction: What it reaches.
     """
 
+    json_too = ('allowed',)
     factor: float
     momentum: Array
     prediction: Prediction
@@ -49,11 +50,6 @@ class WheelOption:
     def allowed(self) -> bool:
         """Whether every limit holds."""
         return self.prediction.hardest_use.fraction <= 1.0
-
-    def to_json(self) -> dict[str, Any]:
-        """As in the command's JSON."""
-        names = ('factor', 'momentum', 'allowed', 'prediction')
-        return {name: getattr(self, name) for name in names}
 
 
 class Summary:

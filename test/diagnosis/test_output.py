@@ -197,12 +197,14 @@ def test_closed_loop_gain_of_friction():
     gain, why = closed_loop_gain(file, bind_effects(section, file.robot))
     assert why == ''
     assert gain.duration == 4.0
-    before, after = gain.joints['joint_2']
+    own = gain.joints['joint_2']
     # of a linear friction nothing is left but what sensor noise makes, some 1e-5 rad
-    assert after < 0.3 * before
+    assert own.rms_after < 0.3 * own.rms_before
     assert gain.ratio < 0.5
     assert math.isclose(
-        gain.rms_before**2, np.mean([b**2 for b, _ in gain.joints.values()]), rel_tol=1e-12
+        gain.rms_before**2,
+        np.mean([own.rms_before**2 for own in gain.joints.values()]),
+        rel_tol=1e-12,
     )
 
 

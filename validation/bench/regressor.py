@@ -21,9 +21,9 @@ from nodes import options
 from simulation import machine, written
 
 from spacerobot_ros.dynamics.blocks import BlockTree
+from spacerobot_ros.dynamics.pinocchio_model import in_pinocchio
 from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
-from validation.pinocchio_peer import peer
 
 SAMPLES, ROWS, REPEATS = 2000, 3, 7
 
@@ -41,7 +41,7 @@ def main() -> int:
     robot = build_robot(parse_settings({'robot': section}), servicer.urdf())
     rng = np.random.default_rng(0)
     q, u = rng.standard_normal((SAMPLES, 3)), rng.standard_normal((SAMPLES, 6))
-    tree, model = BlockTree(robot), peer(robot).model
+    tree, model = BlockTree(robot), in_pinocchio(robot).model
     data, zero = model.createData(), np.zeros(model.nv)
     poses = np.column_stack([np.zeros((SAMPLES, 6)), np.ones(SAMPLES), q])
     rates = np.column_stack([np.zeros((SAMPLES, 3)), u])

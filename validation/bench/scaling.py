@@ -130,7 +130,7 @@ def shown(sweeps: dict[str, list[dict]]) -> list:
         caption = f'grows with the power {powers[0]:.2f} in time, {powers[1]:.2f} in memory'
         cells = f'{{{key}:g}} | {{cpu_s:.1f}} | {{more_mb:.0f}} | {{peak_mb:.0f}}'
         heads = f'{what} | processor time [s] | memory for it [MB] | in all [MB]'
-        out.append(table_of(what, caption, rows, heads, cells))
+        out.append(table_of(rows, heads, cells, caption, what))
     return out
 
 

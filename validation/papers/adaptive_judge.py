@@ -14,10 +14,10 @@ import pinocchio as pin
 
 from spacerobot_ros.control.adaptive.regressors import Regressors, parameter_values
 from spacerobot_ros.display import Curve, Panel, Plot, Section
+from spacerobot_ros.dynamics.pinocchio_model import in_pinocchio
 from spacerobot_ros.types import Array
 
 from ..campaigns import Results, TrialRecord, grouped
-from ..pinocchio_peer import peer
 from .adaptive_run import minisat
 
 _STATES = 100
@@ -37,7 +37,7 @@ def identities(seed: int = 0) -> dict[str, float]:
         rank_without_force: With the paper's seven.
     """
     robot = minisat()
-    model, regressors, pi = peer(robot).model, Regressors(robot), parameter_values(robot)
+    model, regressors, pi = in_pinocchio(robot).model, Regressors(robot), parameter_values(robot)
     data, rng = model.createData(), np.random.default_rng(seed)
     worst, rows = np.zeros(4), []
     for _ in range(_STATES):

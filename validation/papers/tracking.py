@@ -16,9 +16,8 @@ from scipy.optimize import brentq
 
 from spacerobot_ros.control.computed_torque import Model, estimated_model, law_model
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.integrate import rk_step
+from spacerobot_ros.dynamics.integrate import RK4, rk_step
 from spacerobot_ros.dynamics.state import State
-from spacerobot_ros.dynamics.tableaus import RK4
 from spacerobot_ros.errors import IdentificationError
 from spacerobot_ros.identification.estimate import Estimate
 from spacerobot_ros.types import Array

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...json_values import json_as
 from ...recording.record import Record
 from ...types import Array
 from .result import Series
@@ -31,7 +32,7 @@ class Appearance:
     """
 
     time: float
-    motion: str
+    motion: str = json_as('with')
     correlation: float
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ...estimation.balance.arm_priors import torque_tolerance
 from ...formats import either
+from ...json_values import json_as, json_fields
 from ...types import Array
 from ..answer.cause import Estimated, Rival
 from ..answer.result import Series
@@ -78,30 +79,18 @@ class Comparison:
 
     verdict: str
     sentence: str
-    changes: tuple[Change, ...]
+    changes: tuple[Change, ...] = json_as('causes')
     detectable: tuple[Detectable, ...]
-    left: Mapping[str, float]
+    left: Mapping[str, float] = json_as()
     unjudged: tuple[str, ...]
-    units: Mapping[str, str]
-    is_repeated: bool
-    series: tuple[Series, ...]
+    units: Mapping[str, str] = json_as()
+    is_repeated: bool = json_as('repeats')
+    series: tuple[Series, ...] = json_as()
 
     def to_json(self) -> dict[str, Any]:
         """Plain values; `causes` as in diagnosis.json."""
-        return {
-            'schema': 2,
-            'verdict': self.verdict,
-            'sentence': self.sentence,
-            'causes': [asdict(change) for change in self.changes],
-            'detectable': [asdict(one) for one in self.detectable],
-            'repeats': self.is_repeated,
-            'unjudged': list(self.unjudged),
-            'left_unexplained': {
-                'unit': either(self.units.values()),
-                'units': dict(self.units),
-                'joints': dict(self.left),
-            },
-        }
+        left = {'unit': either(self.units.values()), 'units': self.units, 'joints': self.left}
+        return {'schema': 2, **json_fields(self), 'left_unexplained': left}
 
 
 def conclude_changes(found: Changes) -> Comparison:

@@ -1,4 +1,4 @@
-"""A robot in Pinocchio, which shares no code with ours: peer of the identities and of tests."""
+"""A robot in Pinocchio: derivatives come from it, and tests hold our recursions against it."""
 
 from __future__ import annotations
 
@@ -8,26 +8,30 @@ from functools import lru_cache
 import numpy as np
 import pinocchio as pin
 
-from spacerobot_ros.model.robot import Robot, tree_order
+from ..model.body import Body, tree_order
+from ..model.robot import Robot
+from ..types import IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Peer:
+class PinocchioModel:
     """A robot's Pinocchio model.
 
     Args:
         model: Its joints in `tree_order`; read-only by convention.
         joint_ids: Joint of every body, base first (0, the universe, for a fixed base).
         velocity_indices: (n,) place of each joint's rate in the velocity, after the base's six.
+        columns: (nv,) place of each entry of the velocity in [base; joints].
     """
 
     model: pin.Model
     joint_ids: tuple[int, ...]
-    velocity_indices: np.ndarray
+    velocity_indices: IntArray
+    columns: IntArray
 
 
 @lru_cache(maxsize=32)
-def peer(robot: Robot) -> Peer:
+def in_pinocchio(robot: Robot) -> PinocchioModel:
     """The robot's model; motor inertias are Pinocchio's armature, wheels are left out."""
     model = pin.Model()
     model.name = robot.name
@@ -35,7 +39,7 @@ def peer(robot: Robot) -> Peer:
     ids = [0]
     if robot.is_free:
         ids[0] = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), 'base')
-        model.appendBodyToJoint(ids[0], pin.Inertia(*robot.bodies[0].solid), pin.SE3.Identity())
+        model.inertias[ids[0]] = _inertia(robot.bodies[0])
     ids += [-1] * robot.n_joints
     slides, turns = pin.JointModelPrismaticUnaligned, pin.JointModelRevoluteUnaligned
     for index in tree_order(robot.bodies):
@@ -45,8 +49,16 @@ def peer(robot: Robot) -> Peer:
         ids[index] = model.addJoint(
             ids[body.parent], kind(body.axis), placement, robot.joints[index - 1]
         )
-        model.appendBodyToJoint(ids[index], pin.Inertia(*body.solid), pin.SE3.Identity())
+        model.inertias[ids[index]] = _inertia(body)
         model.armature[model.joints[ids[index]].idx_v] = body.motor_inertia
-    offset = 6 if robot.is_free else 0
-    indices = np.array([model.joints[i].idx_v - offset for i in ids[1:]], dtype=int)
-    return Peer(model, tuple(ids), indices)
+    first = 6 if robot.is_free else 0
+    indices = np.array([model.joints[i].idx_v - first for i in ids[1:]], dtype=int)
+    columns = np.concatenate([np.arange(first), 6 + np.argsort(indices)])
+    return PinocchioModel(model, tuple(ids), indices, columns)
+
+
+def _inertia(body: Body) -> pin.Inertia:
+    """Of any numbers: fits pass through bodies that none can be, which its constructor refuses."""
+    out = pin.Inertia.Zero()
+    out.mass, out.lever, out.inertia = body.mass, body.com, body.inertia
+    return out
