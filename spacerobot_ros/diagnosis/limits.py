@@ -107,14 +107,6 @@ FAMILYWISE = 3.0
 false name, were the level of what is left right and nothing else asked; the parts of the data that
 must be predicted leave fewer (docs/real_machines.md has the share)."""
 
-SPECIAL = {
-    'joint_torque_ripple': 3.0,
-    'joint_stiffness': 2.0,
-    'inertial_parameters': 1.0,
-    'joint_coupled_friction': 5.0,
-}
-"""Nats beyond that for what a smooth leftover that nobody knows looks like most."""
-
 SIMPLER_MARGIN = 0.9
 """Share of the best margin that is enough for a cause of fewer numbers at the same place: the
 evidence of finer shapes is overstated by what is left beside them."""

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import expit
 
 from ..types import Array, IntArray
-from .decisive import CONFOUNDED, MOST_RIVALS, RANK
+from .decisive import CONFOUNDED, MOST_RIVALS, RANK, THOROUGH
 from .hypotheses import Hypotheses
 from .marginal import Marginal
 from .model_search import ChosenSet, best_set
@@ -58,8 +58,9 @@ def alternatives(
     """
     rest = found.chosen - hypotheses.dependents(found.chosen, [i])
     closed, out, sets = {*barred, *hypotheses.families[i]}, list[Alternative](), list[ChosenSet]()
+    is_thorough = len(found.chosen) * len(hypotheses.open) <= THOROUGH
     while len(out) < MOST_RIVALS:
-        other = best_set(hypotheses, rest, closed)
+        other = best_set(hypotheses, rest, closed, is_thorough=is_thorough)
         instead = sorted(other.chosen - found.chosen)
         sets.append(other)
         out.append(

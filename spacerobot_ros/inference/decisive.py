@@ -32,6 +32,10 @@ MOST_RIVALS = 5
 """Of one cause that are sought: each further one takes a search. More within odds of 400 to 1 say
 that the motion tells nothing there, which five say as well."""
 
+THOROUGH = 1000
+"""Causes by hypotheses up to which moves of three at once are tried for rivals: bounds the run
+time, which grows with the square of the causes for each rival of each."""
+
 IMPLAUSIBLE = 5.0
 """Slabs beyond which a value is a doubt of its own: one normal value in 1.7 million."""
 

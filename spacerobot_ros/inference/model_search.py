@@ -53,6 +53,8 @@ def best_set(
     hypotheses: Hypotheses,
     start: Iterable[int] = (),
     barred: Collection[int] = frozenset(),
+    *,
+    is_thorough: bool = True,
 ) -> ChosenSet:
     """The best set that moves from a start reach.
 
@@ -63,10 +65,11 @@ def best_set(
         hypotheses: All of them.
         start: The set to begin with, beside what is always in.
         barred: What may not come.
+        is_thorough: Whether moves of three hypotheses are tried, or of two at most.
     """
     now = ChosenSet.of(hypotheses, hypotheses.always | frozenset(start))
     while True:
-        ahead = _ahead(hypotheses, now, barred)
+        ahead = _ahead(hypotheses, now, barred, is_thorough)
         if ahead is not None:
             now = ahead if ahead.updates < UPDATES else ChosenSet.of(hypotheses, ahead.chosen)
         elif now.updates:
@@ -75,7 +78,9 @@ def best_set(
             return now
 
 
-def _ahead(hypotheses: Hypotheses, now: ChosenSet, barred: Collection[int]) -> ChosenSet | None:
+def _ahead(
+    hypotheses: Hypotheses, now: ChosenSet, barred: Collection[int], is_thorough: bool
+) -> ChosenSet | None:
     """After the best move; None where none helps."""
     closed = hypotheses.always | frozenset(barred)
     free = [i for i in sorted(hypotheses.open - now.chosen) if i not in closed]
@@ -87,6 +92,8 @@ def _ahead(hypotheses: Hypotheses, now: ChosenSet, barred: Collection[int]) -> C
     exchanges = [*_exchanges(hypotheses, now, free, may_go)]
     if best := _best(hypotheses, now, exchanges):
         return best
+    if not is_thorough:
+        return None
     twofold = _twofold(hypotheses, now, free, may_go, [*joining, *exchanges])
     return _best(hypotheses, now, [*twofold])
 

@@ -287,7 +287,7 @@ class Judged(Selection):
     """A body whose presence leaves parts of 100 rows with given misfits; nothing else is there."""
 
     def __init__(self, with_it: list[float], without: list[float], rows: int = 100) -> None:
-        body = SimpleNamespace(kind=CATALOGUE['inertial_parameters'], recordings=None, along=None)
+        body = SimpleNamespace(kind=CATALOGUE['inertial_parameters'], recordings=None)
         self.rows = SimpleNamespace(candidates=[body])
         self.chosen = [0]
         self.dear = {True: 1.0, False: 1.0}

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.diagnosis.arms.arm_found import ArmFound
+from spacerobot_ros.diagnosis.arms.fitted_arm import FittedArm
 from spacerobot_ros.diagnosis.discovery.arm_channels import ArmMotions
 from spacerobot_ros.diagnosis.discovery.fitted_laws import candidate_of, with_laws
 from spacerobot_ros.diagnosis.discovery.possible_laws import Law
 from spacerobot_ros.diagnosis.events.arm_events import ArmEvents
-from spacerobot_ros.diagnosis.old.selection import Selection
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.laws.grammar import FORMS
-from spacerobot_ros.estimation.balance.arm_fit import ArmFit
 from spacerobot_ros.estimation.balance.arm_priors import DRY
 from spacerobot_ros.estimation.balance.arm_priors import VISCOUS as SLIDING
 from spacerobot_ros.estimation.balance.arm_rows import ArmRows
@@ -49,21 +48,16 @@ def found_with(*chosen, hidden=asymmetric):
     kinds = dict.fromkeys([DRY, SLIDING, *chosen])
     rows = ArmRows.of(balances, [CATALOGUE[kind] for kind in kinds])
     levels = [np.array([0.01, *[1e-12] * 5])] * (2 * file.robot.n_joints)
-    selection = Selection.of(rows, levels)
     own = [i for i, c in enumerate(rows.candidates) if c.where == 'joint_3']
     first = {rows.candidates[i].kind.id: i for i in reversed(own)}
-    selection.chosen = [first[kind] for kind in chosen]
-    fit = ArmFit(rows, selection.whole, tuple(selection.chosen))
+    fit = FittedArm.of(rows, levels, [first[kind] for kind in chosen])
     return ArmFound(
-        (record,),
-        file.robot,
-        (),
-        selection,
-        selection,
-        fit,
-        {},
-        np.array(levels),
-        np.ones((1, file.robot.n_joints)),
+        records=(record,),
+        robot=file.robot,
+        believed=(),
+        fit=fit,
+        causes={},
+        levels=np.array(levels),
         clear=fit.chosen,
         events=ArmEvents(left_out=((),)),
     )

@@ -56,13 +56,14 @@ def beside(tmp_path):
 def test_json_has_the_documented_keys_and_only_finite_numbers():
     diagnosis = hand_made(rivals=(RIVAL,))
     values = keeps('diagnose', json.dumps(to_dict(diagnosis), allow_nan=False))
-    assert values['schema'] == 2
+    assert values['schema'] == 3
     assert values['verdict'] == 'explained'
     assert values['extended_model'] == 'extended_model.yaml'
     cause = values['causes'][0]
     assert (cause['effect'], cause['where']) == ('joint_viscous_friction', 'joint_2')
     assert set(cause['parameters']['coefficient']) == {'value', 'std', 'unit', 'threshold'}
     evidence = {'log_likelihood_gain', 'bic_gain', 'p_value', 'held_out_gain', 'placebo_gain'}
+    evidence |= {'log_odds', 'probability', 'elpd_gain'}
     assert set(cause['evidence']) == evidence
     assert cause['indistinguishable_from'][0]['bic_gap'] == 1.5
     keys = {'channel', 'unit', 'rms_before', 'rms_after', 'noise_floor', 'whiteness_p'}

@@ -1,5 +1,7 @@
 """What was chosen before: laws that gave way to one that does not hold, and levels beside them."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -50,7 +52,7 @@ def test_nothing_that_holds_gives_way_to_what_is_asked_again(selection, laws, mo
     assert selection.chosen == [plain]
 
 
-def test_laws_that_share_a_friction_drift_as_their_sum(selection, laws, rows, monkeypatch):
+def test_laws_that_share_a_friction_drift_as_their_sum(laws, rows, monkeypatch):
     """Not as one of their sizes, of which one may be less than nothing."""
     used = []
     monkeypatch.setattr(
@@ -60,10 +62,5 @@ def test_laws_that_share_a_friction_drift_as_their_sum(selection, laws, rows, mo
     shared = np.zeros(len(rows.sizes))
     for i, share in zip(laws, (3.0, -2.0), strict=True):
         shared[rows.places[i][0]] = share * COULOMB[0]
-    monkeypatch.setattr(
-        'spacerobot_ros.diagnosis.arms.arms.ArmFit',
-        lambda *_: type('Fit', (), {'posterior': type('Posterior', (), {'mean': shared})}),
-    )
-    selection.chosen = laws
-    levels_of(rows, selection)
+    levels_of(rows, SimpleNamespace(chosen=laws, mean=shared))
     assert used[0][0] == pytest.approx(COULOMB[0])

@@ -221,7 +221,7 @@ def _fits(candidate: Candidate, cause: str) -> bool:
     wanted = {'payload': is_last, 'body': not is_last}.get(cause)
     if wanted is None:
         return candidate.kind.id == cause
-    return candidate.kind.id == 'inertial_parameters' and candidate.along is None and wanted
+    return candidate.kind.id == 'inertial_parameters' and wanted
 
 
 def _direction(candidate: Candidate, rng: np.random.Generator) -> Array:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
+
+from scipy.special import expit
 
 from ...effects.effect import Effect, Key
 from ...effects.parameter import Parameter
@@ -40,6 +43,13 @@ class Evidence:
     placebo_gain: float = math.nan
     log_odds: float = math.nan
     elpd_gain: float = math.nan
+
+    json_too: ClassVar[tuple[str, ...]] = ('probability',)
+
+    @property
+    def probability(self) -> float:
+        """That it is a cause, were there only the best set with it and the best one without."""
+        return float(expit(self.log_odds))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...effects.effect import Effect
-from ...estimation.balance.arm_priors import DRY, NOTHING, OF_LOAD, SHAPES, VISCOUS, is_kind_of
+from ...effects.prior import Prior
+from ...estimation.balance.arm_priors import DRY, OF_LOAD, SHAPES, VISCOUS, is_kind_of
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.columns import Candidate
 from ...estimation.inference.constrained import NEXT_TO_NOTHING, PhysicalBody
 from ...inference.gram_blocks import NEVER_HELD_OUT, GramBlocks
 from ...inference.hypothesis import Hypothesis
 from ...types import Array
-from ..limits import SPECIAL
 
 _AFTER_FRICTION = (*SHAPES, OF_LOAD)
 """Laws that are finer than a straight one: asked beside dry or viscous friction of their joint."""
@@ -27,15 +27,15 @@ def arm_hypotheses(rows: ArmRows) -> list[Hypothesis]:
 
 def _hypothesis(rows: ArmRows, i: int, candidate: Candidate) -> Hypothesis:
     own, every = rows.places[i], list(enumerate(rows.candidates))
-    tolerance = rows.tolerances[own]
+    prior = candidate.prior or Prior(rows.sizes[own], np.zeros(len(own)))
     here = [(k, c) for k, c in every if c is not candidate and _is_beside(c, candidate)]
     others = (k for k, c in here if _contradict(c.kind, candidate.kind))
     return Hypothesis(
         key=i,
         columns=own,
-        slab=rows.sizes[own],
-        spike=np.where(tolerance > 2.0 * NOTHING * rows.sizes[own], tolerance, 0.0),
-        log_odds=0.0 if candidate.along is not None else -SPECIAL.get(candidate.kind.id, 0.0),
+        slab=prior.slab,
+        spike=prior.spike,
+        log_odds=prior.log_odds,
         lower=candidate.lower,
         upper=candidate.upper,
         body=_body(rows, candidate),
@@ -71,7 +71,7 @@ def _is_friction(kind: type[Effect]) -> bool:
 
 def _body(rows: ArmRows, candidate: Candidate) -> PhysicalBody | None:
     """What its ten numbers have to be added to: the file's body, or nothing for a load."""
-    if candidate.kind.id != 'inertial_parameters' or candidate.along is not None:
+    if candidate.kind.id != 'inertial_parameters':
         return None
     names = [body.name for body in rows.robot.bodies]
     file = rows.robot.inertial_parameters[names.index(str(candidate.where))]

@@ -8,14 +8,8 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...effects.parameter import Parameter
-from ...estimation.balance.arm_priors import (
-    DRY,
-    NOTHING,
-    RUN_TO_RUN,
-    Machine,
-    is_kind_of,
-    torque_tolerance,
-)
+from ...effects.prior import NOTHING, RUN_TO_RUN
+from ...estimation.balance.arm_priors import DRY, Machine, is_kind_of, torque_tolerance
 from ...estimation.scaling import value_std
 from ...types import Array, BoolArray
 from .arm_found import ArmFound

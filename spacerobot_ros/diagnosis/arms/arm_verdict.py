@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...effects.effect import Effect
-from ...estimation.balance.arm_priors import RUN_TO_RUN, torque_tolerance
+from ...effects.prior import RUN_TO_RUN
+from ...estimation.balance.arm_priors import torque_tolerance
 from ...estimation.balance.balance import Balance, own_noise_in_band, rms
 from ...model.robot import Robot
 from ...types import Array, BoolArray

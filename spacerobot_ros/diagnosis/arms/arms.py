@@ -100,7 +100,6 @@ def _found(
         rows = ArmRows.of(balances_of(records, robot, believed, events.left_out), kinds)
         rows = rows.with_own(loaded)
         refuse_rest(rows.balances, records)
-    rows = rows.with_masses()  # beside these, what lasts for a while would pass for an event
     report('finding the level of what no cause explains', 0.2)
     zeros = rows.own_zeros
     usual = [i for i in range(len(rows.candidates)) if i not in zeros]

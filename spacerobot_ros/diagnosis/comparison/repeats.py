@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...effects.effect import Effect
+from ...effects.prior import NOTHING
 from ...estimation.balance.arm_fit import Posterior
 from ...estimation.balance.arm_levels import leftover_levels
 from ...estimation.balance.arm_motion import RATE, ArmMotion
-from ...estimation.balance.arm_priors import NOTHING
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.balance import balance_of
 from ...estimation.balance.leftover import VARIANCES

@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 
+from ...effects.prior import BY_DIRECTION, NOTHING
 from ...estimation.balance.arm_candidates import ZEROS
 from ...estimation.balance.arm_fit import Posterior
-from ...estimation.balance.arm_priors import BY_DIRECTION, FRICTION, NOTHING, OF_LOAD
+from ...estimation.balance.arm_priors import FRICTION, OF_LOAD
 from ...estimation.balance.arm_rows import ArmRows
 from ...types import Array
 from .changes import is_lasting

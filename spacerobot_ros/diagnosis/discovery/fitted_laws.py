@@ -10,7 +10,7 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...effects.laws.learned_torque import LearnedTorque, law_at
-from ...estimation.balance.arm_priors import NOTHING
+from ...effects.prior import NOTHING
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.arm_rows_about import about_loads
 from ...estimation.columns import Candidate

@@ -14,13 +14,14 @@ from copy import copy
 
 import numpy as np
 
+from ...effects.prior import NOTHING
 from ...estimation.balance.arm_fit import Posterior
-from ...estimation.balance.arm_priors import DRY, NOTHING, OF_LOAD, SHAPES, VISCOUS, is_kind_of
+from ...estimation.balance.arm_priors import DRY, OF_LOAD, SHAPES, VISCOUS, is_kind_of
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.columns import Candidate
 from ...estimation.inference.evidence import Fold, Gram, Score, log_evidence, score, sum_of
 from ...types import Array, IntArray
-from ..limits import FAMILYWISE, MOST_PRUNED, SIMPLER_MARGIN, SPECIAL, TELLING
+from ..limits import FAMILYWISE, MOST_PRUNED, SIMPLER_MARGIN, TELLING
 from .least_size import as_many, by_few, multiple_of
 
 _AFTER_FRICTION = (*SHAPES, OF_LOAD)
@@ -93,7 +94,7 @@ class Selection:
         candidate, every = self.rows.candidates[i], self.rows.candidates
         others = [k for k in self.live if candidate.recordings or not every[k].recordings]
         size = min(len(candidate.sizes), 4)
-        extra = SPECIAL.get(candidate.kind.id, 0.0) if candidate.along is None else 0.0
+        extra = 0.0 if candidate.prior is None else -candidate.prior.log_odds
         return math.log(len(others)) + FAMILYWISE + 0.5 * (size - 1) + extra
 
     def gain(self, i: int) -> float:
@@ -158,8 +159,7 @@ class Selection:
         while wanted := [(i, margin) for i, margin in self.ranking() if margin > 0.0]:
             candidates = self.rows.candidates
             i = simplest(wanted, candidates, self.rows.robot.last_links)
-            wider = candidates[i].is_wider_than
-            self.chosen = [*(k for k in self.chosen if not wider(candidates[k])), i]
+            self.chosen = [*self.chosen, i]
             self._prune()
 
     def _is_open(self, i: int, chosen: Sequence[int]) -> bool:

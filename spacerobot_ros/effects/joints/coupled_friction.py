@@ -9,6 +9,7 @@ from ...types import Array
 from ..joint import STICTION_RATE, JointEffect, direction
 from ..motion import Motion, inverse_mass
 from ..parameter import amount, searched
+from ..prior import Prior, Scale
 
 
 class CoupledFriction(JointEffect):
@@ -44,6 +45,12 @@ class CoupledFriction(JointEffect):
             guesses=(1.0, -1.0),
         ),
     )
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """By the torques of its joint."""
+        slab = 0.2 * np.array([scale.torque, scale.torque / scale.rate])
+        return scale.alike(slab, log_odds=-5.0)
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str | None, ...]:

@@ -19,6 +19,7 @@ from ...types import Array
 from ..joint import JointEffect
 from ..motion import Motion
 from ..parameter import Parameter, amount, searched
+from ..prior import Prior, Scale
 
 _SHARE = {'minimum': 0.0, 'maximum': 1.0}
 _REACH = 5  # samples on each side that a slope is taken over
@@ -133,6 +134,11 @@ class Backlash(JointEffect):
     id = 'joint_backlash'
     title = 'play between the encoder on the motor and the link'
     parameters = (amount('gap', 'rad', 2e-3, 1e-4, maximum=1.0),)
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """The smoothed motion has no jumps."""
+        return None
 
     def sense(
         self, channel: str, value: Array, motion: Motion, hidden: Array | None = None

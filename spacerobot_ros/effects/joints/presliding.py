@@ -25,6 +25,7 @@ from ..joint import JointEffect
 from ..laws.hysteresis import SLIDING_ACCELERATION
 from ..motion import Motion
 from ..parameter import amount, searched
+from ..prior import Prior, Scale
 
 _ELASTIC = 0.7  # b, as in Dupont et al.: no load below this share makes a joint creep
 
@@ -57,6 +58,11 @@ class PreslidingFriction(JointEffect):
             guesses=(3e-4, 1e-3, 3e-3, 1e-2, 3e-2),
         ),
     )
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """By the torques of its joint."""
+        return scale.alike(scale.torque) if scale.has_angle else None
 
     def force(self, motion: Motion, hidden: Array) -> Array:
         """The mobilised share of the torque."""

@@ -219,7 +219,6 @@ class ArmFit:
             )
             for i, c in enumerate(self.rows.candidates)
             if c.kind.id == 'inertial_parameters'
-            and c.along is None
             and (i in self.chosen or self.rows.is_tolerated(i))
             and np.all(np.isin(self.rows.places[i], used))
         ]

@@ -12,14 +12,15 @@ from typing import Self
 import numpy as np
 
 from ...effects.effect import Effect
+from ...effects.prior import NOTHING
 from ...model.robot import Robot
 from ...types import Array, BoolArray, IntArray
 from ..columns import Candidate
 from ..inference.evidence import Gram
 from .anchor import HELD, scale_columns, unanchored
-from .arm_candidates import ZEROS, arm_candidates, candidates_of_recordings, wrong_masses
+from .arm_candidates import ZEROS, arm_candidates, candidates_of_recordings
 from .arm_columns import columns_of
-from .arm_priors import DRY, NOTHING, Machine
+from .arm_priors import DRY, Machine
 from .balance import Balance, rms
 from .leftover import JointRows, with_unit_shapes
 from .row_blocks import blocks_of, clusters_of, moments_of
@@ -53,8 +54,8 @@ class ArmRows:
         for candidate in arm_candidates(kinds, balances):
             prior = machine.prior(candidate)
             if prior is not None:
-                found.append(replace(candidate, sizes=prior[0]))
-                tolerances.append(prior[1])
+                found.append(candidate.with_prior(prior))
+                tolerances.append(prior.tolerances)
         return cls(tuple(balances), tuple(found), np.concatenate(tolerances))
 
     def with_own(self, loaded: Sequence[int]) -> ArmRows:
@@ -63,10 +64,6 @@ class ArmRows:
         return self.with_more(
             [*candidates_of_recordings(self.candidates, self.robot, count, loaded)]
         )
-
-    def with_masses(self) -> ArmRows:
-        """With masses of links that are wrong."""
-        return self.with_more([*wrong_masses(self.candidates, self.balances)])
 
     def with_more(self, more: Sequence[Candidate]) -> ArmRows:
         """With further candidates, which no machine has unless they are chosen."""
