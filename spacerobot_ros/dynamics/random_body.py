@@ -1,8 +1,8 @@
 r"""Covariances of ten inertial parameters that are uncertain as those of bodies are.
 
 In the pseudo-inertia P (`pseudo_inertia`) a solid of mass m and centre c with second moments S
-about it is m ([c; 1] [c; 1]^T + [[S, 0], [0, 0]]), and a body moved by c0 is A P A^T, A = [[1, c0],
-[0, 1]].
+about it is m ([c; 1] [c; 1]^T + [[S, 0], [0, 0]]), and a body moved by c0 is A P A^T with
+A = [[1, c0], [0, 1]].
 """
 
 from __future__ import annotations
