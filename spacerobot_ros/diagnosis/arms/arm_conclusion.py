@@ -27,7 +27,7 @@ from ..limits import RELEVANT
 from ..orders.orders import find_orders
 from .arm_found import WORSE, ArmFound, still_words, touched_notes
 from .arm_spread import values_std, whole_std
-from .arm_verdict import Left, laws_that_matter, overall, sentence
+from .arm_verdict import Left, doubt_notes, laws_that_matter, overall, sentence
 from .fitted_arm import GAIN
 from .friction_law import friction_laws
 from .ratios import ratios, scale_notes
@@ -59,7 +59,8 @@ def conclude_arm(
     laws = laws_that_matter(found, left, leftover or ())
     has_unclear = len(found.fit.chosen) > len(found.clear) + len(found.learned)
     words = sentence(verdict, named, left, has_unclear=has_unclear) + laws_in_words(laws)
-    if laws:  # a law is no named cause, and it is no noise
+    doubts = [*doubt_notes(found)]
+    if laws or (doubts and verdict == 'explained'):  # a law is no named cause, and it is no noise
         verdict = 'partly_explained'
     channels = series(
         _levelled(found.fit.rows.balances[0].channels(), found.levels),
@@ -88,6 +89,7 @@ def conclude_arm(
             *touched_notes(found.fit.rows.balances),
             *scale_notes(found),
             *direction_notes(named, found.robot),
+            *doubts,
         ),
         calibration=(*(c.applied for c in minor), *found.calibration),
         recordings=_recordings(found),

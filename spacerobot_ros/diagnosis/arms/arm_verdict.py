@@ -12,11 +12,12 @@ from ...effects.effect import Effect
 from ...effects.prior import RUN_TO_RUN
 from ...estimation.balance.arm_priors import torque_tolerance
 from ...estimation.balance.balance import Balance, own_noise_in_band, rms
+from ...inference.decisive import IMPLAUSIBLE
 from ...model.robot import Robot
 from ...types import Array, BoolArray
 from ..answer.cause import Cause
 from ..answer.result import Leftover
-from ..answer.words import cause_in_words, first_few
+from ..answer.words import at, cause_in_words, first_few
 from ..limits import CLEAR, FULL_SCALE, LIKE_NOISE, RELEVANT
 from .arm_found import ArmFound
 
@@ -100,6 +101,17 @@ def laws_that_matter(found: ArmFound, left: Left, leftover: Sequence[Leftover]) 
         if left.matters(entry) and (applied is None or _share(found, applied) > RELEVANT):
             out.append(entry)
     return out
+
+
+def doubt_notes(found: ArmFound) -> Iterator[str]:
+    """What is named and larger than plausible."""
+    for i, effect in zip(found.clear, found.named, strict=True):
+        slabs = found.causes[i].slabs
+        if slabs > IMPLAUSIBLE:
+            yield (
+                f'{effect.id}{at(effect.where)} is {slabs:.2g} times as large as is plausible '
+                'there: it may stand for something else'
+            )
 
 
 def _share(found: ArmFound, law: Effect) -> float:

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ...dynamics.equations import Dynamics
+from ...effects.bodies.bodies import MovingBodyEffect
 from ...effects.effect import Effect
 from ...effects.prior import BodyScale, Prior, Scale
 from ...model.robot import Robot
@@ -126,7 +127,7 @@ class Machine:
         common = Scale(
             sizes=candidate.sizes, interval=self.interval, gravity=np.array(robot.gravity)
         )
-        if where in names:
+        if issubclass(candidate.kind, MovingBodyEffect):
             return replace(common, body=self._body(names.index(str(where))))
         if where not in robot.joints:
             return common
