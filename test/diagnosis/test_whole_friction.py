@@ -13,7 +13,7 @@ from spacerobot_ros.diagnosis import diagnose
 from spacerobot_ros.diagnosis.answer.cause import Estimated
 from spacerobot_ros.diagnosis.answer.result import Leftover
 from spacerobot_ros.diagnosis.discovery.discover import feeds_energy
-from spacerobot_ros.diagnosis.discovery.whole_friction import corrected_by, with_friction
+from spacerobot_ros.diagnosis.discovery.discover_in_flight import corrected_by, with_friction
 from spacerobot_ros.effects.catalogue import bind_effect
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.estimation.rows import ChannelFit

@@ -27,7 +27,7 @@ from .discovery_limits import (
 )
 from .law_search import LawSearch, SearchedChannel, Winner
 from .left_out import LeftOut, Parts
-from .possible_laws import NAMED, NO_LAWS, Law, is_of_another
+from .possible_laws import NAMED, NO_LAWS, Law, others_of
 from .which_joint import settled
 
 TIME = 'time'
@@ -104,7 +104,7 @@ def leftover_without(place: str, step: Winner | None, joints: Sequence[str]) -> 
 def may_be_named(it: HeldLaw) -> bool:
     """Whether a law is what a cause of the catalogue is, or two are, or may as well be."""
     every = (it.law, *(law for law, _ in it.step.rivals))
-    return any(law.form.name in NAMED and not is_of_another(law, it.place) for law in every)
+    return any(law.form.name in NAMED and not others_of(law, it.place) for law in every)
 
 
 def _rivals(rivals: Iterable[tuple[Law, float]], joints: Sequence[str]) -> tuple[LawRival, ...]:
@@ -145,13 +145,13 @@ def _is_held(it: HeldLaw, search: LawSearch, parts: Parts, steps: Sequence[Winne
         return False
     if out.agreeing < AGREEING:
         return False
-    if not is_of_another(it.law, it.place):
+    if not others_of(it.law, it.place):
         return True
     others = [step for step in steps if step is not it.step]
 
     def is_own(law: Law) -> bool:
         is_law = law.kind not in NO_LAWS
-        return is_law and law.place == it.law.place and not is_of_another(law, it.place)
+        return is_law and law.place == it.law.place and not others_of(law, it.place)
 
     own = search.best_of(others, is_own)
     if own is None:

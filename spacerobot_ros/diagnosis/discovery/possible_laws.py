@@ -302,11 +302,6 @@ def _law(
     return Law(FORMS[form], inputs, price, resembles, kind, dict(options or {}))
 
 
-def is_of_another(law: Law, place: str) -> bool:
-    """Whether it needs another joint's variable than that of its place."""
-    return bool(others_of(law, place))
-
-
 def others_of(law: Law, place: str) -> list[str]:
     """Joints whose variables it needs, but that of its place."""
     own = place.removeprefix('joint_rate/').removeprefix('joint_position/')
