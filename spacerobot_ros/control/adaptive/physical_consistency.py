@@ -151,7 +151,7 @@ def natural_step(pi: Array, slope: Array, steps: Array, scales: Array) -> None:
         steps: (b,) gain times period of each body.
         scales: (b, 4) from `body_scales`.
     """
-    P, C, L = np.empty((4, 4)), np.empty((4, 4)), np.empty((4, 4))
+    P, C, L, half = np.empty((4, 4)), np.empty((4, 4)), np.empty((4, 4)), np.empty((4, 4))
     for body in range(len(scales)):
         if not scales[body, 3] > 0.0:
             continue
@@ -160,10 +160,15 @@ def natural_step(pi: Array, slope: Array, steps: Array, scales: Array) -> None:
         if not _factor(P, 0.0, C):
             continue  # rounding at the boundary: nowhere to go from there
         _slope(slope[at], scale, L)
-        values, vectors = np.linalg.eigh(_product(_product(C.T, L), C))
-        growth = np.exp(0.5 * np.minimum(np.maximum(steps[body] * values, -1.0), 1.0))
-        half = _product(C, vectors) * growth
-        P = _product(half, half.T)
+        _product(L, C, half)
+        _product(C.T, half, L)
+        values, vectors = np.linalg.eigh(L)
+        _product(C, vectors, half)
+        for e in range(4):
+            growth = math.exp(0.5 * min(max(steps[body] * values[e], -1.0), 1.0))
+            for i in range(4):
+                half[i, e] *= growth
+        _product(half, half.T, P)
         if _factor(P, 0.0, C):
             _parameters(P, scale, pi[at])
 
@@ -189,11 +194,10 @@ def _parameters(P: Array, scale: Array, out: Array) -> None:
 
 
 @inner
-def _product(A: Array, B: Array) -> Array:
-    """A B, (4, 4) each."""
-    out = np.zeros((4, 4))
+def _product(A: Array, B: Array, out: Array) -> None:
+    """Write A B, (4, 4) each."""
     for i in range(4):
         for j in range(4):
+            out[i, j] = 0.0
             for k in range(4):
                 out[i, j] += A[i, k] * B[k, j]
-    return out
