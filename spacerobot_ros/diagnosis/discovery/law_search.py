@@ -1,4 +1,8 @@
-"""Which laws of the grammar the terms of one channel want, one after another."""
+"""Which laws of the grammar the terms of one channel want, one after another.
+
+Where two other joints move alike, the first law may be of the wrong one, and the next ones of it
+mend what that leaves: all of them together are asked again with each joint in its place.
+"""
 
 from __future__ import annotations
 
@@ -6,56 +10,24 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 
+from ...effects.laws.grammar import quantity
 from ...estimation.inference.spectral_terms import (
     GroupBasis,
     Level,
-    SpectralTerms,
     Whitening,
     ways_of_each,
 )
 from ...types import Array, BoolArray, IntArray
+from .arm_channels import JointChannel
 from .chance import chance_of
 from .discovery_limits import CHANCE, DEAD_HEAT, LEFT, MARGIN, MOST_LAWS
-from .moment_field import FREEDOM, ways_about_best
-from .possible_laws import ACROSS, NO_LAWS, PLAIN, REFINED, SINE, Extent, Law
+from .possible_laws import NO_LAWS, PLAIN, REFINED, SINE, Law, others_of
 
 _SHORTLIST, _ALIKE = 8, 2  # refitted; of one family
 _STEPS = (1.6, 1.25, 1.1)  # by which options are refined
-
-
-class SearchedChannel(Protocol):
-    """What is left of one channel, and what laws would make of it."""
-
-    @property
-    def terms(self) -> SpectralTerms:
-        """The leftover's."""
-
-    @property
-    def laws(self) -> Sequence[Law]:
-        """That may be."""
-
-    @property
-    def place(self) -> str:
-        """Joint; empty where laws have places of their own."""
-
-    def columns(self, laws: Sequence[Law]) -> list[Array]:
-        """(M, k) terms of the columns of each law; filters take many of them at once."""
-
-    @property
-    def times(self) -> Array:
-        """(R,) of rows, each of its recording [s]."""
-
-    @property
-    def part(self) -> IntArray:
-        """(R,) number of the part of each row, not decreasing."""
-
-    @property
-    def extent(self) -> Extent:
-        """What the motion covers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +40,6 @@ class Winner:
         margin: Gain in log likelihood beyond every price [nats].
         p_value: Of such a win by chance.
         rivals: Laws and margins that come close.
-        ways: (c, k) coefficients of the law's form by those of these columns; None: the same.
     """
 
     law: Law
@@ -76,7 +47,6 @@ class Winner:
     margin: float
     p_value: float
     rivals: tuple[tuple[Law, float], ...] = ()
-    ways: Array | None = None
 
     @property
     def is_law(self) -> bool:
@@ -96,7 +66,7 @@ def columns_of(steps: Sequence[Winner], count: int) -> Array:
     return np.concatenate([np.zeros((count, 0)), *(step.columns for step in steps)], axis=1)
 
 
-def worth(channel: SearchedChannel, steps: Sequence[Winner]) -> float:
+def worth(channel: JointChannel, steps: Sequence[Winner]) -> float:
     """Log likelihood of a channel with some laws, less all their prices [nats]."""
     terms = channel.terms
     level = terms.level(columns_of(steps, len(terms.data)))
@@ -111,7 +81,7 @@ class LawSearch:
         chance: Probability below which a law is none.
     """
 
-    def __init__(self, channel: SearchedChannel, chance: float = CHANCE) -> None:
+    def __init__(self, channel: JointChannel, chance: float = CHANCE) -> None:
         self.channel, self.terms, self.chance = channel, channel.terms, chance
         every = zip(channel.laws, channel.columns(channel.laws), strict=True)
         pairs = [(law, columns) for law, columns in every if np.any(columns)]
@@ -162,23 +132,14 @@ class LawSearch:
         if p_value > self.chance:
             return None
         margin, g = self._plainer(refitted)
-        ways = self._ways(g, beside)
         close = [(k, m) for m, k, _ in refitted if k != g and margin - m < DEAD_HEAT]
         rivals = tuple((self.laws[k], margin - m) for k, m in close)
         law, columns, margin = self._refined(g, beside, here, margin)
-        columns = columns if ways is None else columns @ ways
-        return Winner(law, columns, margin, p_value, rivals, ways)
-
-    def _ways(self, g: int, beside: Array) -> Array | None:
-        """Directions of a law that is not linear in its numbers, see `ways_about_best`."""
-        if self.laws[g].form is not ACROSS:
-            return None
-        return ways_about_best(self.terms, self.columns[:, self.groups[g]], beside)
+        return Winner(law, columns, margin, p_value, rivals)
 
     def _beside(self, g: int, beside: Array) -> Array:
-        """(M, K) columns of a law, as free as it is, beside those of others."""
-        own, ways = self.columns[:, self.groups[g]], self._ways(g, beside)
-        return np.concatenate([beside, own if ways is None else own @ ways], axis=1)
+        """(M, K) columns of a law beside those of others."""
+        return np.concatenate([beside, self.columns[:, self.groups[g]]], axis=1)
 
     def _plainer(self, refitted: Sequence[tuple[float, int, Level]]) -> tuple[float, int]:
         """Margin and number of the best law, or of a polynomial in the place of a part of a sine.
@@ -192,8 +153,11 @@ class LawSearch:
         if best.form.name == SINE and self.channel.extent.turns(best) < 1.0:
             for other, k, _ in refitted:
                 law = self.laws[k]
-                is_same = (law.place, law.inputs) == (best.place, best.inputs)
-                if is_same and law.form.name == PLAIN and margin - other < DEAD_HEAT:
+                if (
+                    law.inputs == best.inputs
+                    and law.form.name == PLAIN
+                    and margin - other < DEAD_HEAT
+                ):
                     return other, k
         return margin, g
 
@@ -286,10 +250,8 @@ class _Judge:
             usable = np.sum(ways**2, axis=0) > LEFT * before
         self.usable = usable
         self._basis = GroupBasis(terms.size * ways * usable, search.groups)
-        # of five numbers nine columns explain no more than as nine: chance is not understated
-        freedom = np.array([FREEDOM if law.form is ACROSS else 1.0 for law in search.laws])
         prices = np.array([law.price for law in search.laws])
-        self._prices = self._basis.prices * freedom + prices
+        self._prices = self._basis.prices + prices
 
     def scores(self, residuals: Array) -> Array:
         """(G, F) log likelihood beyond all prices, of (M, F) residuals."""
@@ -308,3 +270,70 @@ def _without(columns: Array, values: Array) -> Array:
         return values
     q, _ = np.linalg.qr(columns)
     return np.asarray(values - q @ (q.T @ values))
+
+
+def settled(search: LawSearch, chosen: Sequence[Winner]) -> list[Winner]:
+    """The same laws of the joints of which they explain most; what comes close is their rival.
+
+    Args:
+        search: That chose them.
+        chosen: What won, one after another.
+    """
+    steps, place = list(chosen), search.channel.place
+    every = dict.fromkeys(joint for law in search.laws for joint in others_of(law, place))
+    for joint in dict.fromkeys(k for step in chosen for k in others_of(step.law, place)):
+        choices = [steps, *(_moved(search, steps, joint, other) for other in every)]
+        ranked = sorted(
+            ((_likelihood(search, choice), n) for n, choice in enumerate(choices) if choice),
+            reverse=True,
+        )
+        best, first = ranked[0]
+        steps = choices[first]
+        for likelihood, n in ranked[1:]:
+            if best - likelihood < DEAD_HEAT:
+                steps = _with_rivals(steps, choices[n], best - likelihood)
+    return steps
+
+
+def _moved(search: LawSearch, steps: Sequence[Winner], joint: str, other: str) -> list[Winner]:
+    """Laws of one joint as those of another; none where that is the same, or they are no laws."""
+    laws = [replace(step.law, inputs=_renamed(step.law, joint, other)) for step in steps]
+    known = {_key(law) for law in search.laws}
+    if (
+        other == joint
+        or len({*map(_key, laws)}) < len(laws)
+        or not known.issuperset(map(_key, laws))
+    ):
+        return []
+    columns = search.channel.columns(laws)
+    return [
+        replace(step, law=law, columns=own, rivals=()) if law.inputs != step.law.inputs else step
+        for step, law, own in zip(steps, laws, columns, strict=True)
+    ]
+
+
+def _renamed(law: Law, joint: str, other: str) -> tuple[str, ...]:
+    parts = (quantity(name) for name in law.inputs)
+    return tuple(
+        f'{what}/{other if whose == joint else whose}'.rstrip('/') for what, whose in parts
+    )
+
+
+def _key(law: Law) -> tuple[str, tuple[str, ...]]:
+    return law.form.name, law.inputs
+
+
+def _likelihood(search: LawSearch, steps: Sequence[Winner]) -> float:
+    return search.terms.level(columns_of(steps, len(search.terms.data))).likelihood
+
+
+def _with_rivals(steps: Sequence[Winner], others: Sequence[Winner], gap: float) -> list[Winner]:
+    """Laws with those of another joint beside each, once."""
+    out = []
+    for step, other in zip(steps, others, strict=True):
+        rivals = step.rivals
+        if step.law.inputs != other.law.inputs:
+            left = tuple(r for r in rivals if _key(r[0]) != _key(other.law))
+            rivals = (*left, (other.law, gap))
+        out.append(replace(step, rivals=rivals))
+    return out
