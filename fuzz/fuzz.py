@@ -18,7 +18,7 @@ try:
 except ImportError:
     sys.exit('atheris is not installed: .venv/bin/pip install atheris')
 
-with atheris.instrument_imports(include=['spacerobot_ros', 'yaml', 'rosbags']):
+with atheris.instrument_imports(include=['spacerobot_ros', 'yaml', 'rosbags', 'mcap']):
     from spacerobot_ros.effects.robot_file import load_robot_file
     from spacerobot_ros.errors import SpaceRobotError
     from spacerobot_ros.model.urdf import parse_urdf

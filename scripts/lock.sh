@@ -12,8 +12,8 @@ lock() {  # lock NAME ARGUMENT...
     echo "wrote $output"
 }
 
-lock wheels pyproject.toml --extra ros --extra fleet --extra test --group build --group tools
-lock sourced pyproject.toml --extra fleet --extra test --group tools \
+lock wheels pyproject.toml --extra ros --extra fleet --extra meshes --extra test --group build --group tools
+lock sourced pyproject.toml --extra fleet --extra meshes --extra test --group tools \
     --override requirements/sourced.in --no-emit-package numpy
 lock colcon --group build
 sed -n "/^docs = \[/,/^\]/s/^ *'\([^']*\)'.*/\1/p" pyproject.toml | lock docs -

@@ -1,7 +1,7 @@
 """Lay out the pages of the documentation site, what is generated among them, for `mkdocs build`.
 
 The tree is the repository's own, so that links hold as they stand. Commands are documented by
-their `--help`, effects by the catalogue, the API by docstrings.
+their `--help`, effects by the catalogue, the Python surface by docstrings.
 
     python scripts/make_docs.py [FOLDER]      # out/docs: pages, and mkdocs.yml
 """
@@ -9,6 +9,7 @@ their `--help`, effects by the catalogue, the API by docstrings.
 from __future__ import annotations
 
 import importlib
+import inspect
 import os
 import shutil
 import sys
@@ -31,16 +32,15 @@ def main() -> int:
     shutil.rmtree(out, ignore_errors=True)
     for name in _COPIED:
         _copy(ROOT / name, pages / name)
-    for path in sorted((ROOT / 'docs').rglob('*')):
-        if path.suffix in _SUFFIXES:
-            _copy(path, pages / path.relative_to(ROOT))
+    for folder in ('docs', 'validation/results'):
+        for path in sorted((ROOT / folder).rglob('*')):
+            if path.suffix in _SUFFIXES:
+                _copy(path, pages / path.relative_to(ROOT))
     for path in sorted((ROOT / 'spacerobot_ros' / 'schemas').glob('*.json')):
         _copy(path, pages / path.relative_to(ROOT))
     _write(pages / 'reference' / 'commands.md', '\n'.join(_commands()))
     _write(pages / 'reference' / 'catalogue.md', '\n'.join(_catalogue()))
-    rooms = sorted(p.parent.name for p in (ROOT / 'spacerobot_ros').glob('*/__init__.py'))
-    for room in rooms:
-        _write(pages / 'reference' / 'api' / f'{room}.md', '\n'.join(_api(room)))
+    _write(pages / 'reference' / 'python.md', '\n'.join(_api()))
     site = yaml.safe_load((ROOT / 'mkdocs.yml').read_text(encoding='utf-8'))
     site['hooks'] = [str(ROOT / hook) for hook in site['hooks']]
     site['docs_dir'], site['site_dir'] = str(pages.absolute()), str((out / 'site').absolute())
@@ -48,7 +48,6 @@ def main() -> int:
     found = sorted(str(p.relative_to(pages)) for p in (pages / 'docs').rglob('*.md'))
     if more := [path for path in found if path not in named]:
         site['nav'].append({'More': more})
-    site['nav'].append({'API': [{room: f'reference/api/{room}.md'} for room in rooms]})
     handler = next(p for p in site['plugins'] if 'mkdocstrings' in p)['mkdocstrings']
     handler['handlers']['python']['paths'] = [str(ROOT)]
     _write(out / 'mkdocs.yml', yaml.safe_dump(site, sort_keys=False))
@@ -103,14 +102,12 @@ def _catalogue() -> Iterator[str]:
         yield ''
 
 
-def _api(room: str) -> Iterator[str]:
-    """Every module of a room."""
-    folder = ROOT / 'spacerobot_ros' / room
-    yield f'# spacerobot_ros.{room}\n'
-    for path in sorted(folder.rglob('*.py')):
-        if path.name != '__init__.py':
-            name = '.'.join(path.relative_to(ROOT).with_suffix('').parts)
-            yield f'::: {name}\n'
+def _api() -> Iterator[str]:
+    """The public names."""
+    import spacerobot_ros
+
+    yield f'# Python\n\n{inspect.getdoc(spacerobot_ros)}\n'
+    yield from (f'::: spacerobot_ros.{name}\n' for name in spacerobot_ros.PUBLIC)
 
 
 if __name__ == '__main__':

@@ -76,7 +76,7 @@ def _docstring(cls: type) -> str:
 def _row(f: Field[Any], kinds: tuple[Any, ...], meaning: str) -> str:
     allowed: Allowed = f.metadata['allowed']
     kind = ' or '.join(_kind(kind) for kind in kinds)
-    cells = (f'`{f.name}`', kind, _default(f), _allowed(allowed), allowed.unit, meaning)
+    cells = (f'`{f.name}`', kind, _default(f), ', '.join(allowed.limits), allowed.unit, meaning)
     return '| ' + ' | '.join(cell.replace('|', '\\|') for cell in cells) + ' |\n'
 
 
@@ -94,11 +94,6 @@ def _default(f: Field[Any]) -> str:
     if isinstance(f.default, tuple):
         return f'`[{", ".join(str(v) for v in f.default)}]`'
     return f'`{str(f.default).lower() if isinstance(f.default, bool) else f.default}`'
-
-
-def _allowed(allowed: Allowed) -> str:
-    length = [] if allowed.length is None else [f'{allowed.length} entries']
-    return ', '.join([*(f'`{choice}`' for choice in allowed.choices), *length, *allowed.words])
 
 
 if __name__ == '__main__':

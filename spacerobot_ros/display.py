@@ -249,15 +249,17 @@ _WORDS: dict[str, Callable[[Any, str], str]] = {
 }
 
 
-def table_of(title: str, caption: str, rows: Iterable[Any], heads: str, cells: str) -> Table:
+def table_of(
+    rows: Iterable[Any], heads: str, cells: str, caption: str = '', title: str = ''
+) -> Table:
     """A table written as a row of Markdown: columns are parted by ` | `.
 
     Args:
-        title: Its heading.
-        caption: One line above it.
         rows: One dict or object a row.
         heads: Column titles.
         cells: Formats of a row's entries, such as `{name} | {error[raw]:.3g} | {p:probability}`.
+        caption: One line above it.
+        title: Its heading.
     """
     columns = cells.split(' | ')
     shown = [[_Cells().vformat(cell, (), row) for cell in columns] for row in rows]

@@ -6,6 +6,9 @@ to do. Command line and nodes print `str(error)` as one line and exit with statu
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 _LONGEST, _LONGEST_PLACE = 1000, 300  # characters of a line, which may quote the input
 
 
@@ -17,6 +20,12 @@ def shortened(text: str, most: int) -> str:
 def in_a_line(text: str) -> str:
     """A text without what moves or colours a terminal's cursor."""
     return ''.join(c if c.isprintable() else ' ' if c.isspace() else ascii(c)[1:-1] for c in text)
+
+
+def did_you_mean(given: str, known: Iterable[str], otherwise: str) -> str:
+    """The known name that is most like one that was given, as a question; else other words."""
+    close = difflib.get_close_matches(given, list(known), n=1)
+    return f'did you mean {close[0]!r}?' if close else otherwise
 
 
 class SpaceRobotError(Exception):

@@ -44,6 +44,11 @@ def value_with(value: float, std: float) -> str:
     return f'{value:#.{min(max(digits, 2), 12)}g}'.rstrip('.')
 
 
+def estimate(value: float, std: float, unit: str) -> str:
+    """A value with its standard deviation and unit."""
+    return f'{value_with(value, std)} +- {number(std, 2)} {unit}'.rstrip()
+
+
 def decimals(std: float) -> int:
     """Decimals that show a standard deviation with two digits, and its value as far as it goes."""
     if not math.isfinite(std) or std <= 0.0:

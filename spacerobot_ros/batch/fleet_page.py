@@ -76,7 +76,7 @@ def unreadable(answers: Sequence[Row], failures: Mapping[str, str]) -> Iterator[
     for what, why in (('Not read', bad), ('Not finished, tried anew by the next run', failures)):
         rows = [{'name': name, 'why': text} for name, text in sorted(why.items())]
         if rows:
-            yield Section(what, [table_of('', '', rows, 'recording | why', '{name} | {why}')])
+            yield Section(what, [table_of(rows, 'recording | why', '{name} | {why}')])
 
 
 def _figures(answers: Sequence[Row], failures: Mapping[str, str], lines: Sequence[Trend]) -> Item:

@@ -72,7 +72,7 @@ def sections(ranges: Ranges, rows: Sequence[Row], replay: Sequence[str]) -> list
     failed = [row for row in rows if row.get('error')]
     heads = ' | '.join(['result', 'runs', *(f'{p} %' for p in PERCENTILES)])
     cells = ' | '.join(['{result}', '{runs}', *(f'{{p{p}:.4g}}' for p in PERCENTILES)])
-    shares = table_of('', '', percentiles(ranges, rows), heads, cells)
+    shares = table_of(percentiles(ranges, rows), heads, cells)
     commands = [
         {'run': row[RUN], 'error': row.get(LARGEST), 'why': row.get('error') or '',
          'command': shlex.join([*replay, str(row[RUN])])}
@@ -81,10 +81,10 @@ def sections(ranges: Ranges, rows: Sequence[Row], replay: Sequence[str]) -> list
     out = [Section('percentiles over the runs', [shares])]
     if matters := correlations(ranges, rows):
         cells = '{key} | {rho:+.2f} | {p:.2g}'
-        table = table_of('', '', matters, 'drawn | rank correlation | p', cells)
-        out.append(Section('what the largest joint error goes with (Spearman)', [table]))
+        title = 'what the largest joint error goes with (Spearman)'
+        out.append(Section(title, [table_of(matters, 'drawn | rank correlation | p', cells)]))
     heads = 'run | largest joint error [rad] | why it ended | replay'
-    table = table_of('', '', commands, heads, '{run} | {error:.4g} | {why} | {command}')
+    table = table_of(commands, heads, '{run} | {error:.4g} | {why} | {command}')
     out.append(Section('worst runs', [table]))
     out.append(Section('', [f'{counted(len(rows), "run")}, {len(failed)} of them did not end']))
     return out
@@ -114,4 +114,4 @@ def montecarlo_page(ranges: Ranges, rows: Sequence[Row], replay: Sequence[str]) 
 def run_table(row: Row) -> Table:
     """One run's values and results."""
     shown = [{'name': name, 'value': value} for name, value in row.items()]
-    return table_of('', '', shown, 'what | value', '{name} | {value}')
+    return table_of(shown, 'what | value', '{name} | {value}')

@@ -18,7 +18,7 @@ from typing import Any
 from .. import __version__
 from ..diagnosis.findings import Findings, Question, findings
 from ..diagnosis.quality.excited import count_told
-from ..diagnosis.quality.quality import quality_of
+from ..diagnosis.quality.quality import check_record
 from ..effects.catalogue import changed_robot
 from ..effects.own_kinds import source_files
 from ..effects.robot_file import load_robot_file
@@ -302,7 +302,7 @@ def _looked_at(record: Record, answer: Findings) -> dict[str, Any]:
     """What should be looked at in the recording, a line each; how many numbers of all it tells."""
     told: dict[str, int | None] = {'told': None, 'numbers': None}
     try:
-        quality = quality_of(record, answer.file)
+        quality = check_record(record, answer.file)
     except SpaceRobotError as error:
         return {'health': [str(error)], **told}
     if (found := quality.excitation) is not None:

@@ -37,7 +37,7 @@ def run(
     as_json: bool,
 ) -> int:
     """Look and print; 0 where nothing was found, else 1."""
-    from ..diagnosis.quality.quality import quality_of
+    from ..diagnosis.quality.quality import check_record
     from ..effects.robot_file import load_robot_file
     from ..recording.read import read_record
     from ..report.html import write_report
@@ -47,7 +47,7 @@ def run(
         opt.check_file(report, force)
     file = load_robot_file(robot) if robot else None
     record = read_record(data, file.robot if file else None, mapping)
-    quality = quality_of(record, file)
+    quality = check_record(record, file)
     try:
         if report:
             write_report(quality_page(quality), report)

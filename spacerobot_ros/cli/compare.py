@@ -46,7 +46,6 @@ def run(
     after: tuple[str, ...], robot: str, out: str, force: bool, as_json: bool,
 ) -> int:  # fmt: skip
     """Compare, write, print; 0 where nothing changed, else 1."""
-    from ..diagnosis.comparison.change_conclusion import conclude_changes
     from ..diagnosis.comparison.compare import compare
     from ..effects.robot_file import load_robot_file
     from ..json_values import json_text
@@ -61,10 +60,9 @@ def run(
         report = stage('reading', 1.0)
         groups = [[first, *before], [second, *after]]
         earlier, later = read_groups(groups, file.robot, mapping, split_gaps=split_gaps)
-        found = compare(
+        comparison = compare(
             earlier, later, file.robot, file.effects, lambda what, share: report(share, what)
         )
-    comparison = conclude_changes(found)
     words = ['spacerobot', 'compare', first, second]
     words += ['--before', *before] * bool(before)
     words += ['--after', *after] * bool(after)

@@ -55,6 +55,7 @@ def run(out: str, robot: str | None, seed: int | None, quick: bool, live: bool) 
     for name in _BAGS:
         check_target(folder / name, overwrite=True)
     with written_whole(folder) as work:  # an interrupted run leaves the results before it
+        work.mkdir()
         file = load_robot_file(
             robot or package_folder('spacerobot_ros') / 'config' / 'servicer.yaml'
         )

@@ -72,24 +72,20 @@ def run(
 
 
 def _design(file: RobotFile, robot: str, output: str, report: str | None, as_json: bool) -> int:
-    from ..excitation.assessment import Summary
-    from ..excitation.design import search
+    from ..excitation.assessment import design_motion
     from ..excitation.motions import write_trajectory
-    from ..excitation.problem import Problem
     from ..report.excitation_page import excitation_page, excitation_sections
     from ..report.html import write_report
 
-    problem = Problem(file)
-    settings = problem.settings.excitation
+    settings = file.settings.excitation
     with progress() as stage:
         advance = stage('designing', settings.starts * settings.iterations)
-        design = search(problem, lambda steps, _: advance(steps))
-    summary = Summary(problem, design)
+        summary = design_motion(file, lambda steps, _: advance(steps))
     write_trajectory(summary.chosen, robot, output)
     print_answer(as_json, summary, excitation_sections(summary), output)
     if report:
         write_report(excitation_page(summary), report)
-    if design.interrupted:
+    if summary.found.interrupted:
         print('spacerobot excite: stopped early, best motion so far kept', file=sys.stderr)
         return 130
     return 0

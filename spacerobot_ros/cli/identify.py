@@ -22,7 +22,7 @@ exit status: 0 valid estimate, 1 the data do not suffice (the reason is given), 
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 from ..errors import IdentificationError
 from . import options as opt
@@ -47,7 +47,7 @@ def run(
     from ..estimation.unknowns.minimal import minimal_set
     from ..estimation.unknowns.standard_parameters import standard_parameters
     from ..identification.advice import advise_on
-    from ..identification.batch import identify_robot
+    from ..identification.batch import identify
     from ..identification.lone_body import identify_lone_body
     from ..identification.validity_limits import MOST_PASSES
     from ..model.writer import write_robot_file
@@ -74,7 +74,7 @@ def run(
     if file.robot.joints:
         with progress() as stage:
             advance = stage('identifying, passes', MOST_PASSES)
-            result = identify_robot(record, machine, settings, method, advance)
+            result = identify(record, machine, settings, method, advance)
         minimal = minimal_set(machine, settings.structure)
         groups = list(standard_parameters(machine, minimal, settings.structure))
         advice = []
@@ -84,7 +84,7 @@ def run(
         result = identify_lone_body(record, file.robot, file.effects)
         groups, advice = [machine.base_link] * len(result.estimate.parameters), []
     estimate = result.estimate
-    values = {'schema': 1, **estimate.to_dict(), 'advice': [asdict(one) for one in advice]}
+    values = {'schema': 1, **estimate.to_dict(), 'advice': advice}
     for parameter, group in zip(values['parameters'], groups, strict=True):
         parameter['groups'] = group
     print_answer(as_json, values, estimate_sections(estimate, groups, advice))

@@ -3,7 +3,8 @@
 Write one page that plays a recording in 3D: bodies from the URDF's visuals or from their inertia,
 base attitude, joints, wheel and total momentum as arrows; beneath it the channels. A ghost shows
 what the model makes of the measured efforts, beginning again from the measured state every two
-seconds. The page needs no network; meshes are read from STL and OBJ. ROS is not needed.
+seconds. The page needs no network; meshes are read from STL, OBJ and DAE (with the extra
+`meshes`). ROS is not needed.
 
 DATA is a rosbag2 folder, mcap or db3 file, npz, CSV or JSON (.gz).
 

@@ -3,7 +3,7 @@
 Simulate the robot of a robot file in closed loop, without ROS, and record a rosbag2 (mcap).
 
 The plant is the robot with the file's `truth`; the controller sees noisy sensors only and knows
-what the file believes. The same file and seed give the same bag to the last bit.
+what the file believes. The same file and seed give the same messages to the last bit.
 
 topics: /joint_states /imu/data /attitude /joint_commands /simulator/ledger /robot_description,
 /base_torque where the law controls the attitude, too; /wheel_states where the servicer's wheels

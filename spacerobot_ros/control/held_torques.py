@@ -20,8 +20,7 @@ import numpy as np
 import scipy
 
 from ..dynamics.equations import Dynamics
-from ..dynamics.integrate import Holding
-from ..dynamics.tableaus import RK4
+from ..dynamics.integrate import RK4, Holding
 from ..types import Array
 
 FIRST = 100.0

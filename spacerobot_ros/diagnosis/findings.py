@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,7 +13,6 @@ from ..estimation.balance.motor_constants import as_recorded
 from ..model.robot import Robot
 from ..recording.read import read_groups, read_record
 from ..recording.record import Record
-from .answer.appearance import Appearance, appearances
 from .answer.closed_loop_gain import ClosedLoopGain, closed_loop_gain
 from .answer.extended_model import named
 from .answer.next_motion import with_motions
@@ -71,7 +70,6 @@ class Findings:
         learned: And laws that nobody has named.
         closed_loop: Worth of the extended model to a controller; None where it was not measured.
         why_open: Why it was not.
-        appearances: Where in the motion each channel's error appears, by channel.
         command: The command line that did it.
         score: Torques that the model misses on another record; empty without one.
         events: Events of a single recording, which stand in the extended model, too; controllers
@@ -85,7 +83,6 @@ class Findings:
     calibration: tuple[Effect, ...]
     closed_loop: ClosedLoopGain | None
     why_open: str
-    appearances: Mapping[str, Appearance]
     command: str
     score: tuple[JointScore, ...] = ()
     events: tuple[Effect, ...] = ()
@@ -98,7 +95,7 @@ class Findings:
 
     def to_dict(self) -> dict[str, Any]:
         """Content of diagnosis.json."""
-        found = to_dict(self.diagnosis, self.added, self.closed_loop, self.appearances)
+        found = to_dict(self.diagnosis, self.added, self.closed_loop)
         return {**found, 'score': score_to_dict(self.score)} if self.score else found
 
 
@@ -172,7 +169,6 @@ def findings(
         events=events,
         closed_loop=closed,
         why_open=why,
-        appearances=appearances(diagnosis.series, records[0]),
         command=command,
         learned=learned,
         score=() if other is None else score_on(other, file.robot, extension, file.effects),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from ..estimation.balance.balance import balance_of, rms
 from ..estimation.balance.motor_constants import as_recorded
 from ..estimation.trajectory.observations import observed
 from ..formats import either
+from ..json_values import json_as
 from ..model.robot import Robot
 from ..recording.faults.data_faults import check_data
 from ..recording.record import Record
@@ -35,11 +36,11 @@ class JointScore:
         free: How far the joint is predicted, where it has no motor.
     """
 
-    joint: str
+    joint: str = json_as()
     unit: str
-    before: float
-    after: float
-    free: FreeMotion | None = None
+    before: float = json_as('rms_before')
+    after: float = json_as('rms_after')
+    free: FreeMotion | None = json_as(default=None)
 
 
 def check_scored(record: Record, robot: Robot) -> None:
@@ -94,15 +95,13 @@ def total(scores: Sequence[JointScore]) -> tuple[float, float, str]:
 
 
 def to_dict(scores: Sequence[JointScore]) -> dict[str, Any]:
-    """Plain values."""
+    """As in diagnosis.json."""
     before, after, unit = total(scores)
     return {
         'unit': unit,
         'band_hz': BAND,
         'rms_before': before,
         'rms_after': after,
-        'joints': {
-            s.joint: {'unit': s.unit, 'rms_before': s.before, 'rms_after': s.after} for s in scores
-        },
-        'free_motion': [asdict(s.free) for s in scores if s.free],
+        'joints': {s.joint: s for s in scores},
+        'free_motion': [s.free for s in scores if s.free],
     }

@@ -1,4 +1,4 @@
-"""The state of a simulated robot, by name and as the flat vector that integrators advance."""
+"""The state of a simulated robot, also as the flat vector of integrators, and what it keeps."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from ..errors import ConfigurationError
 from ..model.motion_settings import InitialSettings
 from ..model.robot import Robot
 from ..types import Array, Quaternion, Vector3
+
+LEDGER_PERIOD = 0.1  # s between two looks at what the system keeps
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,3 +82,38 @@ def _joint_values(values: tuple[float, ...], n: int, place: str) -> Array:
     if values and len(values) != n:
         raise ConfigurationError(place, f'expected {n} numbers (one a joint), got {len(values)}')
     return np.array(values) if values else np.zeros(n)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MomentumLedger:
+    """What a closed system must keep, and what the simulated one did since its start.
+
+    Args:
+        linear: (3,) linear momentum in the inertial frame [N s].
+        angular: (3,) angular momentum about the centre of mass, wheels and what effects hold
+            included, inertial frame [N m s].
+        kinetic: Kinetic energy without the gyrostats' own constant spin energy [J].
+        potential: Energy in the gravity field [J].
+        joint_work: Work of the joint torques since the start [J].
+        base_work: Work of the base force and torque since the start [J].
+        effect_work: Work of all physical effects since the start [J].
+        linear_impulse: (3,) time integral of the external force, gravity included, inertial frame
+            [N s].
+        angular_impulse: (3,) time integral of the external torque about the centre of mass,
+            inertial frame [N m s].
+        momentum_drift: |h - h0 - angular_impulse| / |h0|; absolute [N m s] when h0 is zero. Zero
+            for a fixed base, whose mount takes any torque, so that nothing is kept.
+        energy_drift: Kinetic and potential energy, less those at the start, less all work [J].
+    """
+
+    linear: Vector3
+    angular: Vector3
+    kinetic: float
+    potential: float
+    joint_work: float
+    base_work: float
+    effect_work: float
+    linear_impulse: Vector3
+    angular_impulse: Vector3
+    momentum_drift: float
+    energy_drift: float

@@ -35,12 +35,9 @@ versine), joint origin in the parent's frame [m], axis in its own, ten inertial 
 _MEMBERS = {
     (): ('mass', 'pivot', 'torque'),
     (3,): ('origin', 'offset', 'moment', 'momentum'),
-    (6,): (
-        *('subspace', 'screw', 'velocity', 'drift', 'acceleration', 'force', 'bias'),
-        *('psi', 'psi_dot', 'swept'),
-    ),
+    (6,): (*('subspace', 'screw', 'velocity', 'drift', 'acceleration', 'force', 'bias', 'swept'),),
     (3, 3): ('rotation', 'tensor'),
-    (6, 6): ('articulated', 'turning'),
+    (6, 6): ('articulated',),
 }
 LINK = np.dtype(
     [(name, np.float64, shape) for shape, names in _MEMBERS.items() for name in names], align=True

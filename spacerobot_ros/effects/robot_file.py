@@ -47,7 +47,7 @@ class RobotFile:
 
 
 def load_robot_file(path: str | Path) -> RobotFile:
-    """Load a robot file (YAML) for the command line; a relative `robot.urdf` lies beside the file.
+    """Load a robot file (YAML); a relative `robot.urdf` lies beside it.
 
     Args:
         path: The YAML, in ROS 2 parameter-file form (`/**: ros__parameters: ...`).

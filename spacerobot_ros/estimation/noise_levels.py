@@ -10,6 +10,7 @@ from ..model.robot import Robot
 from ..model.robot_settings import SensorSettings
 from ..recording.faults.gaps import ONE_LOST
 from ..recording.faults.neighbours import NORMAL
+from ..recording.faults.signals import turns
 from ..recording.record import Record
 from ..recording.robot_inputs import wheel_axes, wheel_rates
 from ..types import Array
@@ -170,5 +171,4 @@ def unseen_turns(record: Record) -> Array | None:
         )
         start = attitude * seen[np.searchsorted(grid, times)].inv()  # the same at all times
         return np.asarray((start[0].inv() * start).as_rotvec())
-    steps = (attitude[:-1].inv() * attitude[1:]).as_rotvec()
-    return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+    return turns(record)

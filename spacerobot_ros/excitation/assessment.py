@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from ..dynamics.equations import Dynamics, without_translation
+from ..effects.robot_file import RobotFile
 from ..estimation.trajectory.motion_limits import Use
 from ..types import Array
-from .design import Design
+from .design import Design, OnIteration, search
 from .motions import Chosen
 from .precision import REST, Prediction, own_motion, predict, predict_with_wheels
 from .problem import Problem
@@ -41,6 +42,7 @@ class WheelOption:
         prediction: What it reaches.
     """
 
+    json_too = ('allowed',)
     factor: float
     momentum: Array
     prediction: Prediction
@@ -49,11 +51,6 @@ class WheelOption:
     def allowed(self) -> bool:
         """Whether every limit holds."""
         return self.prediction.hardest_use.fraction <= 1.0
-
-    def to_json(self) -> dict[str, Any]:
-        """As in the command's JSON."""
-        names = ('factor', 'momentum', 'allowed', 'prediction')
-        return {name: getattr(self, name) for name in names}
 
 
 class Summary:
@@ -137,6 +134,23 @@ class Summary:
             'advice': self.advice,
             'notes': self.notes,
         }
+
+
+def design_motion(file: RobotFile, progress: OnIteration = lambda *_: None) -> Summary:
+    """Design a joint motion from which wheel momentum and inertia are identified precisely.
+
+    Args:
+        file: The robot file; section `excitation` has limits and search.
+        progress: Called after every step with the number of steps done and the best cost so far.
+
+    Returns:
+        The design; `chosen` is what `write_trajectory` takes.
+
+    Raises:
+        ConfigurationError: fixed base, or limits that leave no motion.
+    """
+    problem = Problem(file)
+    return Summary(problem, search(problem, progress))
 
 
 def _bodies(summary: Summary) -> str:

@@ -33,6 +33,7 @@ from ..identification.cramer_rao import information_root
 from ..identification.momentum_posterior import posterior_of
 from ..identification.summary import estimated_values
 from ..inference.square_root import marginal
+from ..json_values import json_as
 from ..model.robot import Robot
 from ..types import Array
 from .motions import Chosen, MotionFamily
@@ -44,14 +45,9 @@ _SAMPLING = 0.04  # s; of the motion in the paper's A
 _NONZERO = 1e-3  # of the largest parameter; smaller ones have no meaningful relative error
 _RANK_TOLERANCE = 1e-8
 _SEED = 20  # of the states that span what motions can tell; any gives the same rank
-_JSON = (
-    *('bits', 'aam_bits', 'told', 'tellable', 'condition', 'unit_condition', 'scale_std'),
-    *('aam_std', 'aam_std_as_stated', 'aam_limit', 'prior_factor', 'worst_aam'),
-    *('median_parameter', 'worst_parameter', 'names', 'units', 'values', 'std', 'relative_std'),
-)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prediction:
     """Expected result of an identification.
 
@@ -70,6 +66,10 @@ class Prediction:
         uses: How the motion uses every limit.
     """
 
+    json_too = (
+        *('scale_std', 'aam_std', 'aam_std_as_stated', 'worst_aam', 'median_parameter'),
+        *('worst_parameter', 'std', 'relative_std'),
+    )
     bits: float
     aam_bits: float
     told: int
@@ -79,12 +79,12 @@ class Prediction:
     names: tuple[str, ...]
     units: tuple[str, ...]
     values: Array
-    covariance: Array
-    n_aam: int
-    stated_std: Array
+    covariance: Array = json_as()
+    n_aam: int = json_as()
+    stated_std: Array = json_as()
     aam_limit: float
     prior_factor: float
-    uses: tuple[Use, ...]
+    uses: tuple[Use, ...] = json_as()
 
     @property
     def std(self) -> Array:
@@ -152,10 +152,6 @@ class Prediction:
             size = np.abs(self._parameters[own])
             out[own] = size > _NONZERO * _largest(size)
         return out
-
-    def to_json(self) -> dict[str, Any]:
-        """As in the command's JSON."""
-        return {name: getattr(self, name) for name in _JSON}
 
 
 def predict(problem: Problem, chosen: Chosen, *, with_rest: bool = False) -> Prediction:

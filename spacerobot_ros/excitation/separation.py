@@ -30,6 +30,7 @@ from ..estimation.fit import Fit
 from ..estimation.runs import Run
 from ..estimation.trajectory.base_response import noise_free_record
 from ..identification.information import with_typical
+from ..json_values import json_as
 from ..model.robot import Robot
 from ..types import Array
 from .motions import SAFE, Motions
@@ -53,16 +54,18 @@ class Place(NamedTuple):
         return self.kind.id if self.where is None else f'{self.kind.id}@{self.where}'
 
 
-class Contrast(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Contrast:
     """How one effect stands out against the other.
 
-    Attributes:
+    Args:
         visible: Standard deviations of the noise by which its plausible size stands out at all.
         apart: The same of the part that the other effect can not imitate.
     """
 
-    visible: float
-    apart: float
+    json_too = ('sine', 'smallest')
+    visible: float = json_as('seen')
+    apart: float = json_as('told')
 
     @property
     def sine(self) -> float:
@@ -73,11 +76,6 @@ class Contrast(NamedTuple):
     def smallest(self) -> float:
         """Smallest share of its plausible size that is told from the other effect."""
         return math.sqrt(2.0 * EQUIVALENT) / self.apart if self.apart > 0.0 else math.inf
-
-    def to_json(self) -> dict[str, float]:
-        """As in the command's JSON."""
-        shares = {'seen': self.visible, 'told': self.apart}
-        return {**shares, 'sine': self.sine, 'smallest': self.smallest}
 
     @classmethod
     def of(cls, own: Array, other: Array) -> Contrast:
@@ -117,8 +115,8 @@ class Trial:
 
     def to_json(self) -> dict[str, Any]:
         """As in the command's JSON."""
-        sides = [side.to_json() for side in (self.first, self.second)]
-        return {'origin': self.origin, 'duration': self.motions.family.duration, 'sides': sides}
+        sides, duration = [self.first, self.second], self.motions.family.duration
+        return {'origin': self.origin, 'duration': duration, 'sides': sides}
 
 
 class Separated(NamedTuple):

@@ -21,7 +21,6 @@ from ..model.settings import IdentifierSettings
 from ..recording.faults.motion_faults import contradictions
 from ..recording.record import Record
 from ..types import Array, IntArray
-from .estimate import Estimate
 from .least_squares import solve_least_squares
 from .maximum_likelihood import MaximumLikelihood, model_of, prepare
 from .online import OnlineIdentifier
@@ -32,15 +31,8 @@ from .validity_limits import EXCHANGED_MISFIT, LARGEST_CHI2, SHORTEST
 METHODS = ('ml', 'recursive', 'ls')
 
 
-def identify(
-    record: Record, robot: Robot, settings: IdentifierSettings, method: str = 'ml'
-) -> Estimate:
-    """The estimate of `identify_robot` alone."""
-    return identify_robot(record, robot, settings, method).estimate
-
-
 @np.errstate(over='ignore', invalid='ignore', divide='ignore')  # what is not finite is no solution
-def identify_robot(
+def identify(
     record: Record,
     robot: Robot,
     settings: IdentifierSettings,

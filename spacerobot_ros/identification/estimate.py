@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..errors import IdentificationError
+from ..json_values import json_as, json_fields, json_value
 from ..types import Array, Matrix3, Vector3
 
 
@@ -21,7 +22,7 @@ class NamedValue:
     unit: str
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Estimate:
     """Wheel momentum and minimal inertial parameters with their covariance.
 
@@ -56,24 +57,24 @@ class Estimate:
     method: str
     valid: bool
     reason: str
-    aam_links: tuple[str, ...]
+    aam_links: tuple[str, ...] = json_as()
     aam: Array
-    parameter_names: tuple[str, ...]
+    parameter_names: tuple[str, ...] = json_as()
     parameters: Array
-    covariance: Array
+    covariance: Array = json_as()
     rank: int
     unknowns: int
     condition: float
     unexcited: tuple[str, ...]
-    total_momentum: Vector3
-    total_momentum_covariance: Matrix3
+    total_momentum: Vector3 = json_as('momentum')
+    total_momentum_covariance: Matrix3 = json_as()
     chi2_per_dof: float
     samples: int
-    stamp_ns: int
-    notes: tuple[str, ...] = field(default=())
-    nuisances: tuple[NamedValue, ...] = field(default=())
-    units: tuple[str, ...] = field(default=())
-    sources: tuple[str, ...] = field(default=())
+    stamp_ns: int = json_as()
+    notes: tuple[str, ...] = ()
+    nuisances: tuple[NamedValue, ...] = ()
+    units: tuple[str, ...] = json_as(default=())
+    sources: tuple[str, ...] = json_as(default=())
     prior_factor: float = float('nan')
 
     @property
@@ -106,41 +107,25 @@ class Estimate:
         """Plain data for JSON, as `spacerobot identify --json` prints it."""
         std, n = self.std, len(self.aam)
         sources = self.sources or (None,) * len(std)
-        return {
+        momentum_std = np.sqrt(np.diag(self.total_momentum_covariance))
+        names = ('name', 'value', 'std', 'unit', 'source')
+        columns = (self.parameter_names, self.parameters, std[n:], self.units, sources[n:])
+        values = json_fields(self) | {
             'aam': {
-                'value': self.aam.tolist(),
-                'std': std[:n].tolist(),
+                'value': self.aam,
+                'std': std[:n],
                 'unit': 'N m s',
-                'links': list(self.aam_links),
-                'source': list(sources[:n]),
+                'links': self.aam_links,
+                'source': sources[:n],
             },
             'parameters': [
-                {'name': name, 'value': value, 'std': s, 'unit': unit, 'source': source}
-                for name, value, s, unit, source in zip(
-                    self.parameter_names,
-                    self.parameters.tolist(),
-                    std[n:].tolist(),
-                    self.units,
-                    sources[n:],
-                    strict=True,
-                )
+                dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)
             ],
-            'rank': self.rank,
-            'unknowns': self.unknowns,
-            'condition': self.condition,
-            'unexcited': list(self.unexcited),
-            'chi2_per_dof': self.chi2_per_dof,
-            'method': self.method,
-            'valid': self.valid,
-            'reason': self.reason,
             'momentum': {
-                'value': self.total_momentum.tolist(),
-                'std': np.sqrt(np.diag(self.total_momentum_covariance)).tolist(),
+                'value': self.total_momentum,
+                'std': momentum_std,
                 'unit': 'N m s',
                 'frame': 'inertial',
             },
-            'nuisances': [asdict(nuisance) for nuisance in self.nuisances],
-            'samples': self.samples,
-            'prior_factor': self.prior_factor,
-            'notes': list(self.notes),
         }
+        return dict(json_value(values))

@@ -11,7 +11,7 @@ from ..estimation.filters.momentum_process import MomentumModel
 from ..inference.curved_posterior import curved_posterior
 from ..inference.scaled_prior import ScaledPosterior, scaled_posterior
 from ..inference.square_root import ordered
-from ..types import Array, IntArray
+from ..types import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +57,9 @@ def posterior_of(
         scale: Factor of the bodies' prior, where it is not sought.
     """
     told, y = np.arange(model.filter_size)[model.filter_bodies], np.arange(model.size)[model.y]
-    own, across, right, root, values = ordered(factor, np.setdiff1d(_all(factor), told), told)
+    own, across, right, root, values = ordered(
+        factor, np.setdiff1d(np.arange(factor.shape[1] - 1), told), told
+    )
     start, wide, is_settled = about[y], model.bodies.std, True
     if model.is_minimal:
         found = curved_posterior(model, root, values, wide, start, scale)
@@ -83,7 +85,3 @@ def posterior_of(
     told_better = std[others] > np.sqrt(2.0) * np.sqrt(np.diag(covariance)[others])
     rank = bodies.rank + int(np.sum(told_better))
     return MomentumPosterior(mean, covariance, bodies, std, rank, is_settled)
-
-
-def _all(factor: Array) -> IntArray:
-    return np.arange(factor.shape[1] - 1)

@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 from yaml import composer, constructor, cyaml, resolver
 
-from ..errors import ConfigurationError, shortened
+from ..errors import ConfigurationError, PlacedError, shortened
 from ..json_values import plain
 
 # Text that makes a robot in 2 s on a slow core, measured: 0.5 MB of YAML a second, and 2 MB of a
@@ -175,62 +175,68 @@ def write_text(path: str | Path, text: str | bytes, replaced: Path | None = None
     Args:
         path: The file.
         text: Its content.
-        replaced: Where the file goes whose place it takes; it is on the disk itself by then. None:
-            nowhere.
+        replaced: As of `written_whole`.
 
     Raises:
         ConfigurationError: it can't be written.
     """
-    path = Path(path)
-    partial = path.with_name(f'.{path.name}.partial')
-    try:
-        if path.exists() and not (path.is_file() or path.is_dir()):  # it would be replaced
-            raise ConfigurationError(str(path), 'can not be written: it is not a file')
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with open(partial, 'wb') as file:
-            file.write(text.encode() if isinstance(text, str) else text)
-            if replaced is not None:
-                file.flush()
-                os.fsync(file.fileno())
-        if replaced is not None and path.is_file():
-            with suppress(OSError):
-                os.replace(path, replaced)
-        os.replace(partial, path)
-    except OSError as error:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
-        raise ConfigurationError(str(path), f'can not be written: {error.strerror}') from error
-    return path
+    with written_whole(path, replaced=replaced) as partial:
+        partial.write_bytes(text.encode() if isinstance(text, str) else text)
+    return Path(path)
 
 
 @contextmanager
-def written_whole(folder: str | Path) -> Iterator[Path]:
-    """A folder to write to, whose entries take their places in another when all are complete.
+def written_whole(
+    path: str | Path,
+    error: type[PlacedError] = ConfigurationError,
+    *,
+    replaced: Path | None = None,
+) -> Iterator[Path]:
+    """Where to write a file or folder, which takes its place when the block ends without an error.
 
-    After an error, or when interrupted, the other folder is as it was.
+    After an error, or when interrupted, the place is as it was. A folder that is there keeps its
+    other entries.
 
     Args:
-        folder: Where the entries belong; made where it is missing, its other entries stay.
+        path: The place; the folder around it is made where it is missing.
+        error: What to raise.
+        replaced: Where the file goes whose place is taken; the new one is on the disk itself by
+            then. None: nowhere.
 
     Raises:
-        ConfigurationError: it can't be written.
+        PlacedError: it can't be written.
     """
-    folder = Path(folder).absolute()
-    work = folder.with_name(f'.{folder.name}.partial')
-    shutil.rmtree(work, ignore_errors=True)
+    place, path = str(path), Path(path).absolute()
+    partial = path.with_name(f'.{path.name}.partial')
     try:
-        work.mkdir(parents=True)
-        yield work
-        folder.mkdir(exist_ok=True)
-        for entry in work.iterdir():
-            target = folder / entry.name
-            if target.is_dir():
-                shutil.rmtree(target)
-            os.replace(entry, target)
-    except OSError as error:
-        raise ConfigurationError(str(folder), f'can not be written: {error.strerror}') from error
+        if path.exists() and not (path.is_file() or path.is_dir()):  # it would be replaced
+            raise error(place, 'can not be written: it is not a file')
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _remove(partial)
+        yield partial
+        if replaced is not None:
+            with partial.open('rb') as file:
+                os.fsync(file.fileno())
+            if path.is_file():
+                with suppress(OSError):
+                    os.replace(path, replaced)
+        if path.is_dir() and partial.is_dir():
+            for entry in partial.iterdir():
+                shutil.rmtree(path / entry.name, ignore_errors=True)  # not a file
+                os.replace(entry, path / entry.name)
+        else:
+            os.replace(partial, path)
+    except OSError as failure:
+        raise error(place, f'can not be written: {failure.strerror or failure}') from failure
     finally:
-        shutil.rmtree(work, ignore_errors=True)
+        _remove(partial)
+
+
+def _remove(path: Path) -> None:
+    """Remove a file or folder, where there is one."""
+    shutil.rmtree(path, ignore_errors=True)
+    with suppress(OSError):
+        path.unlink(missing_ok=True)
 
 
 def write_parameters(path: str | Path, values: Mapping[str, Any], head: str = '') -> Path:

@@ -90,6 +90,8 @@ class RobotSettings:
         passive_joints: Joints without a motor: their torque is zero.
         effect_modules: Python modules with effects of your own: names that can be imported, or
             files ending in .py beside the robot file. They are run as they are.
+        thrusters: Of a thruster on the base.
+        held: Where a joint of the URDF stays that does not move.
     """
 
     urdf: str = param('')

@@ -6,17 +6,18 @@ are given where it gets its default (`param`).
 
 from __future__ import annotations
 
-import difflib
 import inspect
 import math
 import re
 import types
 import typing
-from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from functools import partial
+from operator import gt, le, lt
+from typing import Any, NamedTuple
 
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, did_you_mean
 
 FloatList = tuple[float, ...]
 TextList = tuple[str, ...]
@@ -40,8 +41,8 @@ class Bounds:
     @property
     def words(self) -> list[str]:
         """The bounds there are, such as 'above 0'."""
-        named = {'at least': self.minimum, 'above': self.above, 'at most': self.maximum}
-        return [f'{word} {bound:g}' for word, bound in named.items() if math.isfinite(bound)]
+        bounds = {word: getattr(self, name) for word, name, _ in _LIMITS}
+        return [f'{word} {bound:g}' for word, bound in bounds.items() if math.isfinite(bound)]
 
     def check(self, number: float, place: str, unit: str = '') -> None:
         """Refuse a number out of bounds.
@@ -49,14 +50,13 @@ class Bounds:
         Raises:
             ConfigurationError: with its place.
         """
-        for is_wrong, bound in (
-            (number < self.minimum, f'at least {self.minimum:.9g}'),
-            (number <= self.above, f'above {self.above:.9g}'),
-            (number > self.maximum, f'at most {self.maximum:.9g}'),
-        ):
-            if is_wrong:
+        for word, name, breaks in _LIMITS:
+            if breaks(number, bound := getattr(self, name)):
                 value = f'{number:.9g} {unit}'.rstrip()
-                raise ConfigurationError(place, f'{value} must be {bound}')
+                raise ConfigurationError(place, f'{value} must be {word} {bound:.9g}')
+
+
+_LIMITS = (('at least', 'minimum', lt), ('above', 'above', le), ('at most', 'maximum', gt))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,14 +73,20 @@ class Allowed(Bounds):
     choices: tuple[str, ...] = ()
     length: int | None = None
 
+    @property
+    def limits(self) -> list[str]:
+        """All that it must be, in words."""
+        choices = [f'one of {", ".join(self.choices)}'] if self.choices else []
+        length = [] if self.length is None else [f'{self.length} numbers']
+        return [*choices, *length, *self.words]
+
     def check_value(self, value: Any, place: str) -> None:
         """Refuse a number, text or list of the right type that is not allowed."""
         if self.length is not None and len(value) != self.length:
             raise ConfigurationError(place, f'expected {self.length} numbers, got {len(value)}')
-        entries = {place: value}
-        if isinstance(value, tuple):
-            entries = {f'{place}[{i}]': entry for i, entry in enumerate(value)}
-        for where, entry in entries.items():
+        is_list = isinstance(value, tuple)
+        for i, entry in enumerate(value if is_list else [value]):
+            where = f'{place}[{i}]' if is_list else place
             if self.choices and entry not in self.choices:
                 names = ', '.join(self.choices)
                 raise ConfigurationError(where, f'{entry!r} is not one of {names}')
@@ -103,7 +109,11 @@ def param(default: Any = MISSING, unit: str = '', **limits: Any) -> Any:
     return field(default=default, metadata={'allowed': Allowed(unit=unit, **limits)})
 
 
-def entry(parse: Callable[[Any, str], Any], default: Any = MISSING) -> Any:
+Parser = Callable[[Any, str], Any]
+"""Of a value and its place."""
+
+
+def entry(parse: Parser, default: Any = MISSING) -> Any:
     """A field that is read by a function of the value and its place; see `param`."""
     return field(default=default, metadata={'parse': parse})
 
@@ -120,9 +130,42 @@ def meanings(cls: type) -> dict[str, str]:
 
 def plain_types(hint: Any) -> tuple[Any, ...]:
     """The types of a parameter, whether or not it may be None: one, or one and a list of it."""
-    if isinstance(hint, types.UnionType):
-        return tuple(a for a in typing.get_args(hint) if a is not type(None))
-    return (hint,)
+    kinds = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
+    return tuple(kind for kind in kinds if kind is not type(None))
+
+
+class Leaf(NamedTuple):
+    """A parameter: dotted name, meaning, what it may be, type and value."""
+
+    name: str
+    meaning: str
+    allowed: Allowed
+    kind: Any
+    value: Any
+
+
+def leaves(section: Any, prefix: str = '') -> Iterator[Leaf]:
+    """Every parameter below a section, those under free names included."""
+    hints, meaning = typing.get_type_hints(type(section)), meanings(type(section))
+    for f in fields(section):
+        name, value = prefix + f.name, getattr(section, f.name)
+        if is_dataclass(value):
+            yield from leaves(value, f'{name}.')
+        elif isinstance(value, Mapping):
+            for path, entry in _flat(name, value):
+                yield Leaf(path, meaning[f.name], Allowed(), type(entry), entry)
+        else:
+            kind, *_ = plain_types(hints[f.name])
+            yield Leaf(name, meaning[f.name], f.metadata['allowed'], kind, value)
+
+
+def _flat(name: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Values of a nested map under dotted names."""
+    if isinstance(value, Mapping):
+        for key, entry in value.items():
+            yield from _flat(f'{name}.{key}', entry)
+    else:
+        yield name, value
 
 
 def parse_section(cls: type, values: Any, place: str) -> Any:
@@ -130,21 +173,30 @@ def parse_section(cls: type, values: Any, place: str) -> Any:
     if not isinstance(values, Mapping):
         why = f'expected a map of parameters, got {values!r}'
         raise ConfigurationError(place.rstrip(': ') or 'parameters', why)
+    before = f'{place}.' if place and not place.endswith(': ') else place
     known = {f.name: f for f in fields(cls)}
     for key in values:
         if key not in known:
-            why = f'unknown parameter{_suggest(str(key), list(known))}'
-            raise ConfigurationError(_join(place, str(key)), why)
+            hint = did_you_mean(str(key), known, f'known: {", ".join(sorted(known))}')
+            raise ConfigurationError(f'{before}{key}', f'unknown parameter ({hint})')
     hints = typing.get_type_hints(cls)
     parsed = {}
     for name, f in known.items():
-        where = _join(place, name)
         if name in values:
-            parsed[name] = _parse_value(f, plain_types(hints[name]), values[name], where)
+            parsed[name] = _parse_value(f, hints[name], values[name], before + name)
         elif f.default is MISSING and f.default_factory is MISSING:
             meaning = meanings(cls).get(name, f.type)
-            raise ConfigurationError(where, f'required parameter is missing ({meaning})')
+            raise ConfigurationError(before + name, f'required parameter is missing ({meaning})')
     return cls(**parsed)
+
+
+def _parse_value(f: Field[Any], hint: Any, value: Any, place: str) -> Any:
+    kind = plain_types(hint)[-1 if _is_list(value) else 0]
+    parse = f.metadata.get('parse') or _PARSERS.get(kind) or partial(parse_section, kind)
+    parsed = parse(value, place)
+    if 'allowed' in f.metadata:
+        f.metadata['allowed'].check_value(parsed, place)
+    return parsed
 
 
 def parse_number(value: Any, place: str, kind: type = float) -> Any:
@@ -163,25 +215,6 @@ def parse_number(value: Any, place: str, kind: type = float) -> Any:
     return kind(value if abs(value) >= 1.0 / LARGEST else 0)
 
 
-def _parse_value(f: Field[Any], kinds: tuple[Any, ...], value: Any, place: str) -> Any:
-    if 'parse' in f.metadata:
-        return f.metadata['parse'](value, place)
-    kind = kinds[-1] if _is_list(value) else kinds[0]
-    if hasattr(kind, '__dataclass_fields__'):
-        return parse_section(kind, value, place)
-    if kind == FreeMaps:
-        return _free_maps(value, place)
-    if kind == FloatMap:
-        return {k: parse_number(v, f'{place}.{k}') for k, v in _named(value, place).items()}
-    if kind in (FloatList, TextList):
-        parse = _parser(typing.get_args(kind)[0])
-        parsed = tuple(parse(v, f'{place}[{i}]') for i, v in enumerate(_list(value, place)))
-    else:
-        parsed = _parser(kind)(value, place)
-    f.metadata['allowed'].check_value(parsed, place)
-    return parsed
-
-
 def parse_text(value: Any, place: str, kind: type = str) -> Any:
     """A text, or true or false where `kind` is bool.
 
@@ -189,32 +222,36 @@ def parse_text(value: Any, place: str, kind: type = str) -> Any:
         ConfigurationError: anything else.
     """
     if not isinstance(value, kind):
-        word = {bool: 'true or false', str: 'text'}[kind]
+        word = 'text' if kind is str else 'true or false'
         raise ConfigurationError(place, f'expected {word}, got {value!r}')
     return value
 
 
-def _parser(kind: type) -> Callable[[Any, str], Any]:
-    parse = parse_number if kind in (float, int) else parse_text
-    return lambda value, place: parse(value, place, kind)
+def parse_list(parse: Parser, value: Any, place: str) -> tuple[Any, ...]:
+    """A list of what another function parses.
+
+    Raises:
+        ConfigurationError: no list, or as that function.
+    """
+    if not _is_list(value):
+        raise ConfigurationError(place, f'expected a list, got {value!r}')
+    return tuple(parse(entry, f'{place}[{i}]') for i, entry in enumerate(value))
 
 
-def _named(value: Any, place: str) -> dict[str, Any]:
+def _named(parse: Parser, value: Any, place: str) -> dict[str, Any]:
     """A map, in the order of its names: parameters of a ROS 2 node keep no other."""
     if not isinstance(value, Mapping):
         raise ConfigurationError(place, f'expected a map of named entries, got {value!r}')
     for name in value:
         if not isinstance(name, str) or not name or '.' in name:
             raise ConfigurationError(place, f'{name!r} is no name: give text without a dot')
-    return dict(sorted(value.items()))
+    return {name: parse(value[name], f'{place}.{name}') for name in sorted(value)}
 
 
-def _free_maps(value: Any, place: str) -> dict[str, dict[str, Any]]:
-    named = _named(value, place)
-    for name, entry in named.items():
-        if not isinstance(entry, Mapping):
-            raise ConfigurationError(f'{place}.{name}', f'expected a map, got {entry!r}')
-    return {name: _free(entry, f'{place}.{name}') for name, entry in named.items()}
+def _free_map(value: Any, place: str) -> Any:
+    if not isinstance(value, Mapping):
+        raise ConfigurationError(place, f'expected a map, got {value!r}')
+    return _free(value, place)
 
 
 def _free(value: Any, place: str) -> Any:
@@ -223,25 +260,21 @@ def _free(value: Any, place: str) -> Any:
         return value
     if isinstance(value, Mapping):
         return {str(key): _free(v, f'{place}.{key}') for key, v in value.items()}
-    if _is_list(value):
-        return tuple(_free(v, f'{place}[{i}]') for i, v in enumerate(value))
-    return parse_number(value, place)
+    return (partial(parse_list, _free) if _is_list(value) else parse_number)(value, place)
 
 
 def _is_list(value: Any) -> bool:
     return hasattr(value, '__iter__') and not isinstance(value, str | bytes | Mapping)
 
 
-def _list(value: Any, place: str) -> list[Any]:
-    if not _is_list(value):
-        raise ConfigurationError(place, f'expected a list, got {value!r}')
-    return list(value)
-
-
-def _join(place: str, key: str) -> str:
-    return f'{place}.{key}' if place and not place.endswith(': ') else f'{place}{key}'
-
-
-def _suggest(key: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(key, known, n=1)
-    return f' (did you mean {close[0]!r}?)' if close else f' (known: {", ".join(sorted(known))})'
+_PARSERS: dict[Any, Parser] = {
+    float: parse_number,
+    int: partial(parse_number, kind=int),
+    str: parse_text,
+    bool: partial(parse_text, kind=bool),
+    FloatList: partial(parse_list, parse_number),
+    TextList: partial(parse_list, parse_text),
+    FloatMap: partial(_named, parse_number),
+    FreeMaps: partial(_named, _free_map),
+}
+"""By the type of a field; any other is that of a section."""

@@ -152,6 +152,10 @@ class Settings:
     where: place, parameters...}; `effects.catalogue.bind_effects` checks them against the robot.
     `firings` are the commands of a simulated run, under free names: {thruster: name, start: s,
     width: s, share: 1, period: s}, without a period once.
+
+    Args:
+        effects: Of a physical effect that the model believes in.
+        firings: Of commands to a thruster in a simulated run.
     """
 
     robot: RobotSettings

@@ -29,7 +29,6 @@ from ..ros import convert
 from ..ros.convert import compose
 from ..ros.diagnostics import ERROR, WARN, Status
 from ..ros.qos import LATCHED, STATE
-from .adaptation_file import AdaptationFile
 from .controller_status import (
     adaptation_status,
     control_status,
@@ -38,7 +37,7 @@ from .controller_status import (
 )
 from .pace import IdleTime
 from .pairing import Pairing
-from .parameter_publisher import ParameterPublisher
+from .parameter_publisher import AdaptationFile, ParameterPublisher
 from .sensor_node import TOPICS, SensorNode
 from .trajectory_action import TrajectoryAction
 

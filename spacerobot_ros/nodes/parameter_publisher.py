@@ -1,4 +1,4 @@
-"""The parameters that an adaptive law runs on: published, and saved as a robot file."""
+"""What an adaptive law runs on and has learned: published, saved as a robot file, and kept."""
 
 from __future__ import annotations
 
@@ -8,14 +8,18 @@ from pathlib import Path
 
 from spacerobot_msgs.msg import Parameters
 
+from ..control.adaptive.prior import load, save
+from ..control.controllers import FreeFlyingController
 from ..control.loop import ControlLoop
 from ..errors import ConfigurationError
+from ..model.robot import Robot
 from ..model.settings import Settings
 from ..model.writer import parameters_of, write_robot
 from ..ros import convert
 from ..ros.qos import LATCHED
 from .base import RobotNode
 from .beside import Beside
+from .kept_file import KeptFile
 
 PERIOD_NS = 1_000_000_000
 
@@ -85,3 +89,38 @@ def _written(write: Callable[[], Path]) -> tuple[bool, str]:
         return True, f'written to {write()}'
     except ConfigurationError as error:
         return False, str(error)
+
+
+class AdaptationFile:
+    """What a controller's law has learned.
+
+    Args:
+        node: The controller.
+        controller: Its law.
+        robot: What the parameters are of.
+    """
+
+    def __init__(self, node: RobotNode, controller: FreeFlyingController, robot: Robot) -> None:
+        self._controller = controller  # an estimate gives it another law to adapt
+        self._saved_ns: int | None = None
+        self._file = KeptFile(
+            node,
+            node.settings.controller.save_file,
+            lambda: controller.adaptive.learned,
+            lambda path, learned, now_ns: save(path, robot, learned, now_ns),
+            lambda path, now_ns: load(path, robot, now_ns),
+            controller.resume,
+        )
+
+    def keep(self, stamp_ns: int) -> None:
+        """Save every second of stamps [ns] in which something is learned."""
+        since = PERIOD_NS if self._saved_ns is None else abs(stamp_ns - self._saved_ns)
+        if since >= PERIOD_NS:
+            self._saved_ns = stamp_ns
+            # what was known before, saved again, would pass for younger than it is
+            if self._controller.adaptive.health.adapting:
+                self._file.keep()
+
+    def close(self) -> None:
+        """Let the disk finish."""
+        self._file.close()

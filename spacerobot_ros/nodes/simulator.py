@@ -16,7 +16,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
-from ..dynamics.ledger import LEDGER_PERIOD
+from ..dynamics.state import LEDGER_PERIOD
 from ..errors import SimulationDivergedError
 from ..model.control_settings import ADAPTIVE_LAWS
 from ..model.robot import Robot

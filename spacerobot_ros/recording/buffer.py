@@ -215,24 +215,22 @@ class SampleBuffer:
             MessageRejectedError: see the top of this file.
         """
         with self._lock:
-            self._add(sensor, stamp_ns, value)
-
-    def _add(self, sensor: str, stamp_ns: int, value: Array) -> None:
-        if self.closed_ns is not None and stamp_ns <= self.closed_ns:
-            self.streams[sensor].note(stamp_ns)  # it is heard again, and waited for from now on
-            raise MessageRejectedError('stamp goes backwards, too late to be used')
-        newest = self.newest_ns
-        if newest is not None and (stamp_ns - newest) * 1e-9 > self._ahead:
-            raise MessageRejectedError(
-                f'stamp {shown((stamp_ns - newest) * 1e-9)} ahead of all others, at most '
-                f'{self._ahead:g} s can be bridged; check the clock, or reset'
-            )
-        self.streams[sensor].add(stamp_ns, value)
-        times = self.streams['joints']
-        if not self._joints and stamp_ns not in times.stamps:
-            times.add(stamp_ns, np.ones(1))
-        if self.closed_ns is None:
-            self.origin_ns = min(stamp_ns, stamp_ns if self.origin_ns is None else self.origin_ns)
+            if self.closed_ns is not None and stamp_ns <= self.closed_ns:
+                self.streams[sensor].note(stamp_ns)  # heard again, and waited for from now on
+                raise MessageRejectedError('stamp goes backwards, too late to be used')
+            newest = self.newest_ns
+            if newest is not None and (stamp_ns - newest) * 1e-9 > self._ahead:
+                raise MessageRejectedError(
+                    f'stamp {shown((stamp_ns - newest) * 1e-9)} ahead of all others, at most '
+                    f'{self._ahead:g} s can be bridged; check the clock, or reset'
+                )
+            self.streams[sensor].add(stamp_ns, value)
+            times = self.streams['joints']
+            if not self._joints and stamp_ns not in times.stamps:
+                times.add(stamp_ns, np.ones(1))
+            if self.closed_ns is None:
+                first_ns = stamp_ns if self.origin_ns is None else self.origin_ns
+                self.origin_ns = min(stamp_ns, first_ns)
 
     def settled_ns(self, now_ns: int | None = None) -> int | None:
         """Stamp up to which every sensor has come; None before the first sample.

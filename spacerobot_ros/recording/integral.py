@@ -1,4 +1,4 @@
-"""The integral of samples over time, by the trapezoidal rule.
+"""Integrals of samples over time by the trapezoidal rule, and what is between samples.
 
 SciPy's `cumulative_trapezoid` comes with its solvers and optimizers: a node would start 0.15 s of
 the processor later.
@@ -22,3 +22,8 @@ def integral(time: Array, rates: Array) -> Array:
     steps = np.diff(time).reshape(-1, *(1,) * (rates.ndim - 1))
     np.cumsum(0.5 * steps * (rates[1:] + rates[:-1]), axis=0, out=out[1:])
     return out
+
+
+def interpolated(times: Array, known: Array, values: Array) -> Array:
+    """(M, k) values at times (M,), straight between samples (N, k) at known times (N,)."""
+    return np.column_stack([np.interp(times, known, column) for column in values.T])

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import RecordingError
+from ..model.files import written_whole
 from .record import SENSORS, Record
 from .series import InputSeries
 
@@ -38,11 +39,8 @@ def save_npz(record: Record, path: str | Path) -> None:
                 value = np.array(json.dumps(value))
             if value is not None and (isinstance(value, np.ndarray) or value):
                 content[f'{key}.{field.name}'] = value
-    try:
-        with Path(path).open('wb') as file:
-            np.savez_compressed(file, **content)
-    except OSError as error:
-        raise RecordingError(str(path), f'can not be written: {error.strerror}') from error
+    with written_whole(path, RecordingError) as partial, partial.open('wb') as file:
+        np.savez_compressed(file, **content)
 
 
 def read_arrays(path: str | Path) -> dict[str, Any]:

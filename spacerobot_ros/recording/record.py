@@ -272,11 +272,8 @@ class Record:
     @cached_property
     def attitude(self) -> scipy.spatial.transform.Rotation | None:
         """Na rotations R_WB; None where there are none."""
-        return (
-            scipy.spatial.transform.Rotation.from_quat(self.attitude_xyzw)
-            if len(self.attitude_xyzw)
-            else None
-        )
+        q_xyzw = self.attitude_xyzw
+        return scipy.spatial.transform.Rotation.from_quat(q_xyzw) if len(q_xyzw) else None
 
     def between(self, start: float, end: float) -> Record:
         """The samples with start < t <= end [s], counted from the same origin.

@@ -12,9 +12,11 @@ from functools import partial
 from .. import __version__
 from ..diagnosis.answer.words import at
 from ..diagnosis.comparison.change_conclusion import Change, Comparison
-from ..display import Item, Plot, Report, Section, Table
-from ..formats import number, value_with
+from ..display import Item, Plot, Report, Section, Table, table_of
+from ..formats import number
 from . import diagnosis_plots as curves
+from .diagnosis_tables import value_cells
+from .sentences import COMPARISON, REPEATS, SAID
 
 
 def summary(comparison: Comparison) -> Iterator[Section]:
@@ -23,14 +25,11 @@ def summary(comparison: Comparison) -> Iterator[Section]:
     if comparison.changes:
         lines = rival_lines(comparison.changes)
         yield Section('changes', [change_table(comparison.changes), *lines])
-    yield Section(
-        'change of one parameter that would have been named', [detectable_table(comparison)]
-    )
+    title = 'change of one parameter that would have been named'
+    yield Section(title, [detectable_table(comparison)])
     left = ', '.join(' '.join(row) for row in _left(comparison))
-    yield Section('', [f'left unexplained, rms: {left}'])
-    if comparison.is_repeated:
-        line = 'repeats of one motion: judged by the scatter between the runs before'
-        yield Section('', [line])
+    repeats = 'repeats of one motion: judged by the scatter between the runs before'
+    yield Section('', [f'left unexplained, rms: {left}', *[repeats] * comparison.is_repeated])
 
 
 def rival_lines(changes: tuple[Change, ...]) -> list[str]:
@@ -45,13 +44,11 @@ def rival_lines(changes: tuple[Change, ...]) -> list[str]:
 
 def change_table(changes: tuple[Change, ...]) -> Table:
     """One row a parameter of each change."""
-    rows: list[tuple[str, ...]] = []
+    rows = []
     for change in changes:
         place = change.title, change.where or '', number(change.log_evidence, 3)
         for name, found in change.parameters.items():
-            spread = number(found.std, 2)
-            value = value_with(found.value, found.std)
-            rows.append((*place, name, value, spread, found.unit or '1'))
+            rows.append((*place, name, *value_cells(found)))
             place = '', '', ''
     head = ('cause', 'where', 'log evidence', 'parameter', 'added', '+- std', 'unit')
     return Table(head, rows)
@@ -60,25 +57,11 @@ def change_table(changes: tuple[Change, ...]) -> Table:
 def detectable_table(comparison: Comparison, caption: str = '') -> Table:
     """The change of each parameter that would have been named."""
     rows = [
-        (d.effect, d.where or '', d.parameter,
-         number(d.value, 2) if math.isfinite(d.value) else 'not seen', d.unit or '1')
+        {'d': d, 'value': number(d.value, 2) if math.isfinite(d.value) else 'not seen'}
         for d in comparison.detectable
-    ]  # fmt: skip
-    return Table(('effect', 'where', 'parameter', 'from', 'unit'), rows, caption)
-
-
-_METHOD = (
-    'Torques of both groups are balanced along the motion; every effect of the catalogue has '
-    'coefficients that both share, with the size of a machine that nobody knows, and what was '
-    'added before the second group, within the tolerance of a machine that nobody touched. A '
-    'change is named where its evidence exceeds the price of looking at all of them, where parts '
-    'of the second group are better predicted with it from each other, none of them alone '
-    'deciding, and where it explains more than what no named change does. '
-)
-_REPEATS = (
-    'The recordings repeat one motion: the mean of the runs before is taken off each, sample by '
-    'sample, and what is left is judged by the scatter between those runs. '
-)
+    ]
+    cells = '{d.effect} | {d.where:or } | {d.parameter} | {value} | {d.unit:or 1}'
+    return table_of(rows, 'effect | where | parameter | from | unit', cells, caption)
 
 
 def comparison_page(comparison: Comparison, command: str) -> Report:
@@ -88,33 +71,24 @@ def comparison_page(comparison: Comparison, command: str) -> Report:
         comparison: What it says.
         command: The command line that asked for it.
     """
-    changed = [Section('What changed', list(_changes(comparison)))]
-    seen = 'The smallest change of each parameter, alone, that would have been named.'
+    panels = partial(curves.error_panels, comparison.series, ())
+    torques = Table(('joint', 'left unexplained, rms', 'unit'), list(_left(comparison)))
+    changed: list[Item] = []
+    if comparison.changes:
+        changed = [change_table(comparison.changes), *rival_lines(comparison.changes)]
+    missed = Plot(panels, SAID['missed torques'], height=180)
+    how = f'{REPEATS if comparison.is_repeated else COMPARISON} See docs/diagnosis.md.'
+    sections: list[tuple[str, list[Item]]] = [
+        ('Verdict', [comparison.sentence]),
+        ('What changed', changed),
+        ('Torques that are missed afterwards', [torques, missed]),
+        ('What would have been seen', [detectable_table(comparison, SAID['changes'])]),
+        ('How it was done', [f'{command}   (spacerobot {__version__})', how]),
+    ]
     return Report(
         title=f'Comparison: {comparison.verdict}',
         subtitle=', '.join(comparison.left),
-        sections=[
-            Section('Verdict', [comparison.sentence]),
-            *(changed if comparison.changes else []),
-            Section('Torques that are missed afterwards', list(_torques(comparison))),
-            Section('What would have been seen', [detectable_table(comparison, seen)]),
-            Section('How it was done', list(_how(comparison, command))),
-        ],
-    )
-
-
-def _changes(comparison: Comparison) -> Iterator[Item]:
-    yield change_table(comparison.changes)
-    yield from rival_lines(comparison.changes)
-
-
-def _torques(comparison: Comparison) -> Iterator[Item]:
-    yield Table(('joint', 'left unexplained, rms', 'unit'), list(_left(comparison)))
-    yield Plot(
-        partial(curves.error_panels, comparison.series, ()),
-        'First recording afterwards, each joint where it moves: torque that is missed with what '
-        'both groups share (before), and with what changed as well (after).',
-        height=180,
+        sections=[Section(title, items) for title, items in sections if items],
     )
 
 
@@ -122,8 +96,3 @@ def _left(comparison: Comparison) -> Iterator[tuple[str, str, str]]:
     """Each joint with what no cause explains of its torque, and the unit."""
     for joint, rms in comparison.left.items():
         yield joint, number(rms, 3), comparison.units[joint]
-
-
-def _how(comparison: Comparison, command: str) -> Iterator[Item]:
-    yield f'{command}   (spacerobot {__version__})'
-    yield f'{_REPEATS if comparison.is_repeated else _METHOD}See docs/diagnosis.md.'

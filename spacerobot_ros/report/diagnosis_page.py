@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import groupby
@@ -11,7 +11,7 @@ from .. import __version__
 from ..diagnosis.answer.result import Diagnosis
 from ..diagnosis.answer.words import cause_in_words
 from ..diagnosis.findings import Findings
-from ..display import Item, KeyFigure, KeyFigures, Plot, Replay, Report, Section, Table
+from ..display import GoodOrBad, Item, KeyFigure, KeyFigures, Plot, Replay, Report, Section, Table
 from ..formats import counted, number, probability
 from ..simulation.replay.scene import scene_of
 from ..simulation.replay.tracks import RESTART
@@ -19,50 +19,36 @@ from . import diagnosis_plots as curves
 from . import diagnosis_tables as tables
 from .event_tables import event_table, limit_table, possible_lines
 from .leftover_tables import leftover_items
-from .method_words import WORDS
+from .sentences import KINDS, SAID, WORDS
 
 _SHORT = 20  # characters of a cell that stays on one line
 _SIGNALS, _SPECTRA = 3, 3
 _FEWEST = 128  # samples, of the same
 
-_KINDS = {
-    'joint_torque': 'Torque on each joint that the model does not explain, half second by half '
-    'second.',
-    'angular_momentum': 'Torque on the whole robot that the model does not explain: the rate at '
-    'which its angular momentum seems to change.',
-    'joint_position': 'Joint positions against their prediction one step ahead.',
-    'joint_rate': 'Joint rates against their prediction one step ahead.',
-    'gyro': 'Body rates against their prediction one step ahead.',
-    'attitude': 'Attitude against its prediction from the last one.',
-}
-
 
 def diagnosis_page(answer: Findings) -> Report:
-    """The report of a diagnosis."""
+    """The report of a diagnosis; what has nothing to say is left out."""
     diagnosis = answer.diagnosis
-    applied = diagnosis.causes or diagnosis.minor or answer.calibration
-    causes = [('Causes', _causes)] if applied else []
-    asked = [('What the leftover depends on', _leftover)] if diagnosis.leftover else []
-    events = [('Events', _events)] if diagnosis.events else []
-    sections: list[tuple[str, Callable[[Findings], Iterator[Item]]]] = [
-        ('Verdict', _verdict),
-        *causes,
-        *events,
-        ('In motion', _replay),
-        ('Measured against simulated', _signals),
-        ('Prediction errors, channel by channel', _errors),
-        ('Which effects the data want', _ranking),
-        ('In closed loop', _closed_loop),
-        ('What remains', _remains),
-        *asked,
-        ('What to fly next', _next),
-        ('How it was done', _how),
-    ]
+    makers: dict[str, Callable[[Findings], Iterable[Item]]] = {
+        'Verdict': _verdict,
+        'Causes': _causes,
+        'Events': _events,
+        'In motion': _replay,
+        'Measured against simulated': _signals,
+        'Prediction errors, channel by channel': _errors,
+        'Which effects the data want': _ranking,
+        'In closed loop': _closed_loop,
+        'What remains': _remains,
+        'What the leftover depends on': lambda _: leftover_items(diagnosis),
+        'What to fly next': lambda _: diagnosis.next_motion or (SAID['no next motion'],),
+        'How it was done': _how,
+    }
+    sections = [Section(title, list(items(answer))) for title, items in makers.items()]
     return Report(
         title=_title(diagnosis),
         subtitle=f'diagnosis of robot {answer.file.robot.name}, {_data_in_words(answer)}: '
         f'{diagnosis.verdict.replace("_", " ")}',
-        sections=[Section(title, list(items(answer))) for title, items in sections],
+        sections=[section for section in sections if section.items],
     )
 
 
@@ -79,33 +65,20 @@ def _replay(answer: Findings) -> Iterator[Item]:
     """The first recording, causes at their places, and what the model as it stands predicts."""
     marks = [(cause.applied.where, cause.applied.title) for cause in answer.diagnosis.causes]
     scene = partial(scene_of, answer.records[0], answer.file, marks)
-    yield Replay(
-        scene,
-        'The first recording, causes where they are. The orange ghost is what the model as it '
-        'stands makes of the measured efforts, beginning again from the measured state every '
-        f'{RESTART:g} s or where it has gone astray.',
-    )
+    yield Replay(scene, SAID['replay'].replace('{restart}', f'{RESTART:g}'))
 
 
 def _verdict(answer: Findings) -> Iterator[Item]:
     diagnosis, gain, closed = answer.diagnosis, answer.diagnosis.gain, answer.closed_loop
     yield diagnosis.sentence
     unit = f'std of {WORDS[diagnosis.method].unit}'
+    placebo = f'1 is perfect; {tables.placebo_words(gain.placebo)}'
+    status: GoodOrBad = 'good' if gain.after < tables.ABOVE_NOISE else 'bad'
+    chance = f'probability; model as it stands: {probability(diagnosis.null_p)}'
     figures = [
         KeyFigure('held-out error, model as it stands', number(gain.before, 3), unit),
-        KeyFigure(
-            'held-out error, extended model',
-            number(gain.after, 3),
-            unit,
-            f'1 is perfect; {tables.placebo_words(gain.placebo)}',
-            'good' if gain.after < tables.ABOVE_NOISE else 'bad',
-        ),
-        KeyFigure(
-            'a right model fits as badly',
-            probability(diagnosis.fit_p),
-            '',
-            f'probability; model as it stands: {probability(diagnosis.null_p)}',
-        ),
+        KeyFigure('held-out error, extended model', number(gain.after, 3), unit, placebo, status),
+        KeyFigure('a right model fits as badly', probability(diagnosis.fit_p), '', chance),
     ]
     if closed is not None:
         remark = f'with the old model: {number(closed.rms_before, 2)} {closed.unit}'
@@ -115,28 +88,18 @@ def _verdict(answer: Findings) -> Iterator[Item]:
 
 
 def _causes(answer: Findings) -> Iterator[Item]:
-    causes, minor = answer.diagnosis.causes, answer.diagnosis.minor
+    diagnosis, causes = answer.diagnosis, answer.diagnosis.causes
+    if not (causes or diagnosis.minor or answer.calibration):
+        return
     if causes:
-        caption = 'Values with standard deviations; below `matters from` an effect is not named.'
-        yield _tied(tables.parameter_table(causes, caption))
-        yield tables.evidence_table(
-            causes,
-            'Gains in log likelihood and BIC; p: of such a gain by chance; held out: share of '
-            'the held-out excess misfit that it removes, placebo: the best of its placebos; '
-            'constant p: probability that its values are the same all along the record.',
-        )
-    if answer.diagnosis.friction:
-        yield tables.friction_table(
-            answer.diagnosis,
-            'Friction of each joint as one law: the straight line that comes closest to all its '
-            'named frictions over the rates of the record; an offset of the torque makes its two '
-            'directions differ.',
-        )
-    if answer.diagnosis.ratios:
-        yield tables.ratio_table(answer.diagnosis, tables.RATIOS)
-    for line in tables.rival_lines(causes):
-        yield line
-    for line in tables.minor_lines(minor):
+        yield _tied(tables.parameter_table(causes, SAID['parameters']))
+        yield tables.evidence_table(causes, SAID['evidence'])
+    if diagnosis.friction:
+        yield tables.friction_table(diagnosis, SAID['friction'])
+    if diagnosis.ratios:
+        yield tables.ratio_table(diagnosis, tables.RATIOS)
+    yield from tables.rival_lines(causes)
+    for line in tables.minor_lines(diagnosis.minor):
         yield f'Significant, but too small to matter: {line}.'
     for line in tables.unnamed_lines(answer):
         yield f'In the extended model without a name: {line}.'
@@ -146,22 +109,10 @@ def _events(answer: Findings) -> Iterator[Item]:
     events = answer.diagnosis.events
     if events is None:
         return
-    if events.named:
-        yield event_table(
-            events,
-            'What acts from outside for a while, the joints that feel it, and the largest torque '
-            'there; a contact lies on the link or beyond it. Nothing else is estimated from these '
-            'times.',
-        )
-    else:
-        yield 'Nothing is named.'
+    yield event_table(events, SAID['events']) if events.named else 'Nothing is named.'
     yield from (f'Possible: {line}.' for line in possible_lines(events))
     if any(events.limits.values()):
-        yield limit_table(
-            events,
-            'Largest value, by duration, from which 19 of 20 events are named; limits are made '
-            'for one false name an hour.',
-        )
+        yield limit_table(events, SAID['limits'])
 
 
 def _tied(shown: Table) -> Table:
@@ -177,41 +128,28 @@ def _signals(answer: Findings) -> Iterator[Item]:
     yield words.signals
     worst = curves.worst([s for s in answer.diagnosis.series if len(s.measured)], _SIGNALS)
     if worst:
-        yield (
-            'The channels whose errors stand out most; the errors below each show on their own '
-            'scale what the curves hide. Before: the model as it stands; after: the extended one.'
-        )
+        yield SAID['signals']
     for series in worst:
         yield Plot(partial(curves.signal_panels, series), abscissa=words.time)
 
 
 def _errors(answer: Findings) -> Iterator[Item]:
     diagnosis, words = answer.diagnosis, WORDS[answer.diagnosis.method]
-    yield tables.residual_table(
-        diagnosis,
-        f'Noise floor: {words.floor}; white p: probability of as much structure in white noise.',
-    )
-    if answer.appearances:
-        yield tables.appearance_table(
-            answer.appearances,
-            'Where the errors of the model as it stands appear: a hint for people, no evidence.',
-        )
+    yield tables.residual_table(diagnosis, f'Noise floor: {words.floor}; {SAID["white"]}')
     for kind, group in groupby(diagnosis.series, key=lambda s: s.channel.split('/')[0]):
         panels = partial(curves.error_panels, list(group), curves.spans(diagnosis))
-        yield Plot(panels, words.errors or _KINDS.get(kind, kind), words.time, height=180)
+        yield Plot(panels, words.errors or KINDS.get(kind, kind), words.time, height=180)
     sampled = [s for s in diagnosis.series if len(s.measured) >= _FEWEST]
     if sampled and diagnosis.method == 'prediction':
-        caption = 'Spectra of the errors that stand out most; dashed: the noise floor.'
         spectra = partial(curves.spectra, curves.worst(sampled, _SPECTRA))
-        yield Plot(spectra, caption, 'frequency [Hz]', 200)
+        yield Plot(spectra, SAID['spectra'], 'frequency [Hz]', 200)
 
 
 def _ranking(answer: Findings) -> Iterator[Item]:
     words = WORDS[answer.diagnosis.method]
     yield f'Effects at their places, {words.ranked}. {words.remark}'.rstrip()
     if any(r.log_likelihood_gain > 0.0 for r in answer.diagnosis.ranking[: curves.RANKED]):
-        caption = 'Twice the gain in log likelihood; dark: named causes.'
-        yield Plot(partial(curves.ranking_bars, answer.diagnosis), caption)
+        yield Plot(partial(curves.ranking_bars, answer.diagnosis), SAID['ranking'])
     yield tables.ranking_table(answer.diagnosis)
 
 
@@ -234,14 +172,6 @@ def _remains(answer: Findings) -> Iterator[Item]:
         yield f'Also: {tables.score_line(answer.score)}.'
     for one in (*answer.diagnosis.free_motion, *(s.free for s in answer.score if s.free)):
         yield f'{tables.free_motion_line(one)}.'
-
-
-def _leftover(answer: Findings) -> Iterator[Item]:
-    yield from leftover_items(answer.diagnosis)
-
-
-def _next(answer: Findings) -> Iterator[Item]:
-    yield from answer.diagnosis.next_motion or ('Nothing asks for another flight.',)
 
 
 def _how(answer: Findings) -> Iterator[Item]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,17 +16,18 @@ from ..types import Array
 RANKED = 12
 """Bars of a ranking."""
 _SEGMENT = 512  # samples, of a spectrum
-_BEFORE, _AFTER, _MEASURED = 1, 0, 6  # colors
+_COLORS = {'measured': 6, 'before': 1, 'after': 0, 'simulated before': 1, 'simulated after': 0}
 Span = tuple[float, float, str]
 
 
 def signal_panels(series: Series) -> list[Panel]:
     """Measured and simulated values of a channel, and its errors."""
-    curves = [
-        _curve('measured', series, series.measured, _MEASURED),
-        _curve('simulated before', series, series.measured - series.before, _BEFORE),
-        _curve('simulated after', series, series.measured - series.after, _AFTER),
-    ]
+    values = {
+        'measured': series.measured,
+        'simulated before': series.measured - series.before,
+        'simulated after': series.measured - series.after,
+    }
+    curves = _curves(series.time, values)
     errors = _error_panel(series, 'measured less simulated')
     return [Panel(_title(series), series.unit, curves), errors]
 
@@ -45,16 +46,13 @@ def spans(diagnosis: Diagnosis) -> list[Span]:
 
 def _error_panel(series: Series, title: str) -> Panel:
     band = 3.0 * series.noise_floor
-    curves = [
-        _curve('before', series, series.before, _BEFORE),
-        _curve('after', series, series.after, _AFTER),
-    ]
+    curves = _curves(series.time, {'before': series.before, 'after': series.after})
     levels = ((band, '3 noise floors'), (-band, ''))
     return Panel(title, series.unit, curves, levels=levels)
 
 
-def _curve(name: str, series: Series, values: Array, color: int) -> Curve:
-    return Curve(name, series.time, values, None, color)
+def _curves(abscissa: Array, lines: Mapping[str, Array]) -> list[Curve]:
+    return [Curve(name, abscissa, y, None, _COLORS[name]) for name, y in lines.items()]
 
 
 def spectra(channels: Sequence[Series]) -> list[Panel]:
@@ -63,18 +61,14 @@ def spectra(channels: Sequence[Series]) -> list[Panel]:
 
 
 def _spectrum_panel(series: Series) -> Panel:
-    step = float(np.median(np.diff(series.time)))
-    curves = []
-    for name, values, color in (
-        ('before', series.before, _BEFORE),
-        ('after', series.after, _AFTER),
-    ):
+    step, amplitudes = float(np.median(np.diff(series.time))), {}
+    for name, values in (('before', series.before), ('after', series.after)):
         size = min(_SEGMENT, len(values))
         frequency, power = welch(values, fs=1.0 / step, nperseg=size, detrend=False)
-        curves.append(Curve(name, frequency[1:], np.sqrt(power[1:]), None, color))
-    floor = series.noise_floor * np.sqrt(2.0 * step)
-    unit = f'{series.unit}/Hz^0.5'
-    return Panel(_title(series), unit, curves, log=True, levels=((floor, 'noise floor'),))
+        amplitudes[name] = np.sqrt(power[1:])
+    levels = ((series.noise_floor * np.sqrt(2.0 * step), 'noise floor'),)
+    curves, unit = _curves(frequency[1:], amplitudes), f'{series.unit}/Hz^0.5'
+    return Panel(_title(series), unit, curves, log=True, levels=levels)
 
 
 def ranking_bars(diagnosis: Diagnosis) -> Bars:

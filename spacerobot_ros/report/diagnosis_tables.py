@@ -3,28 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
-from ..diagnosis.answer.appearance import Appearance
-from ..diagnosis.answer.cause import Cause
-from ..diagnosis.answer.closed_loop_gain import ClosedLoopGain
+from ..diagnosis.answer.cause import Cause, Estimated
+from ..diagnosis.answer.closed_loop_gain import ClosedLoopGain, RmsErrors
 from ..diagnosis.answer.output import relevance
-from ..diagnosis.answer.result import Diagnosis, FreeMotion, Residual
+from ..diagnosis.answer.result import Diagnosis, FreeMotion, Ratio, Residual
 from ..diagnosis.answer.words import at, in_recordings
 from ..diagnosis.events.event import Events
 from ..diagnosis.findings import Findings
 from ..diagnosis.score_on import BAND, JointScore, total
 from ..display import Section, Table, table_of
 from ..effects.effect import Effect
-from ..formats import counted, number, percent, probability, value_with
+from ..formats import counted, estimate, number, percent, probability, value_with
 from ..model.robot import Robot
 from .event_tables import event_table, limit_table, possible_lines
 from .leftover_tables import leftover_lines
-from .method_words import WORDS
+from .sentences import WORDS
 
 RATIOS = 'ratios, which hold for any scale of the torques'
 _RANKED = 10  # rows
-_CLEAR = 0.5  # correlation from which it is worth a word
 ABOVE_NOISE = 1.05
 """Of the noise floor: what an error may have and still be called noise."""
 _SCATTER = 4.0  # standard deviations
@@ -33,8 +31,8 @@ _IMPROBABLE = 1e-3  # of whiteness, over all channels
 
 def summary(answer: Findings) -> Iterator[Section]:
     """What is printed for people."""
-    diagnosis, closed = answer.diagnosis, answer.closed_loop
-    causes = diagnosis.causes
+    diagnosis, closed, free = answer.diagnosis, answer.closed_loop, answer.diagnosis.free_motion
+    causes, words = diagnosis.causes, WORDS[diagnosis.method]
     yield Section('', [f'verdict: {diagnosis.verdict}', diagnosis.sentence])
     if causes:
         yield Section('causes', [parameter_table(causes)])
@@ -48,17 +46,17 @@ def summary(answer: Findings) -> Iterator[Section]:
     yield Section('found, but too small to matter:', minor_lines(diagnosis.minor))
     yield Section('in the extended model without a name:', unnamed_lines(answer))
     if diagnosis.verdict != 'consistent' and diagnosis.ranking:
-        title = f'best single effects, {WORDS[diagnosis.method].ranked}'
-        yield Section(title, [ranking_table(diagnosis)])
+        yield Section(f'best single effects, {words.ranked}', [ranking_table(diagnosis)])
     title = 'residuals before and after (white p: probability of as much structure in white noise)'
-    worth = []
     if diagnosis.residuals:
         yield Section(title, [residual_table(diagnosis)])
-        worth = [gain_line(diagnosis)]
-    worth += [free_motion_line(one) for one in diagnosis.free_motion]
-    worth += [score_line(answer.score)] if answer.score else []
-    worth += [f'there: {free_motion_line(one.free)}' for one in answer.score if one.free]
-    worth += [] if closed is None else [closed_loop_line(closed)]
+    worth = [
+        *([gain_line(diagnosis)] if diagnosis.residuals else []),
+        *map(free_motion_line, free),
+        *([score_line(answer.score)] if answer.score else []),
+        *(f'there: {free_motion_line(one.free)}' for one in answer.score if one.free),
+        *([closed_loop_line(closed)] if closed else []),
+    ]
     yield Section('', worth)
     yield Section('what remains:', remaining(diagnosis))
     yield Section('what the leftover depends on:', leftover_lines(diagnosis))
@@ -80,53 +78,53 @@ def event_sections(events: Events | None) -> Iterator[Section]:
 
 def parameter_table(causes: Sequence[Cause], caption: str = '') -> Table:
     """One row a parameter of each cause."""
-    rows: list[tuple[str, ...]] = []
+    rows = []
     for cause in causes:
         place = cause.applied.title, f'{cause.applied.where or ""}{in_recordings(cause.applied)}'
         for name, found in cause.parameters.items():
-            value = value_with(found.value, found.std)
             threshold = relevance(cause.thresholds[name])
             matters = '' if threshold is None else number(threshold)
-            spread = number(found.std, 2)
-            rows.append((*place, name, value, spread, found.unit or '1', matters))
+            rows.append((*place, name, *value_cells(found), matters))
             place = '', ''
     head = ('cause', 'where', 'parameter', 'value', '+- std', 'unit', 'matters from')
     return Table(head, rows, caption)
+
+
+def value_cells(found: Estimated | Ratio) -> tuple[str, str, str]:
+    """Value, standard deviation and unit."""
+    return value_with(found.value, found.std), number(found.std, 2), found.unit or '1'
 
 
 def evidence_table(causes: Sequence[Cause], caption: str = '') -> Table:
     """One row a cause."""
     rows = [{'label': label(c), 'of': c.evidence, 'constant': c.constant_p} for c in causes]
     return table_of(
-        '',
-        caption,
         rows,
         'cause | log L gain | BIC gain | p | held out | placebo | constant p',
         '{label} | {of.log_likelihood_gain:number} | {of.bic_gain:number} | '
         '{of.p_value:probability} | {of.held_out_gain:tested} | {of.placebo_gain:tested} | '
         '{constant:probability}',
+        caption,
     )
 
 
 def friction_table(diagnosis: Diagnosis, caption: str = '') -> Table:
     """One row a joint."""
     return table_of(
-        '',
-        caption,
         diagnosis.friction,
         'joint | Coulomb | forward | backward | unit | viscous | unit',
         '{joint} | {coulomb:number 3} | {coulomb_forward:number 3} | '
         '{coulomb_backward:number 3} | {unit} | {viscous:number 3} | {viscous_unit}',
+        caption,
     )
 
 
 def ratio_table(diagnosis: Diagnosis, caption: str = '') -> Table:
     """One row a ratio."""
     rows = [
-        (r.joint, r.ratio.replace('_', ' ') + (f' ({r.of})' if r.of else ''),
-         value_with(r.value, r.std), number(r.std, 2), r.unit or '1')
+        (r.joint, r.ratio.replace('_', ' ') + (f' ({r.of})' if r.of else ''), *value_cells(r))
         for r in diagnosis.ratios
-    ]  # fmt: skip
+    ]
     return Table(('joint', 'ratio', 'value', '+- std', 'unit'), rows, caption)
 
 
@@ -143,8 +141,6 @@ def free_motion_line(free: FreeMotion) -> str:
 def residual_table(diagnosis: Diagnosis, caption: str = '') -> Table:
     """One row a channel."""
     return table_of(
-        '',
-        caption,
         [
             {'r': r, 'floors': f'{_floors(r):.2f}' if r.noise_floor > 0.0 else ''}
             for r in diagnosis.residuals
@@ -152,14 +148,13 @@ def residual_table(diagnosis: Diagnosis, caption: str = '') -> Table:
         'channel | unit | rms before | rms after | noise floor | after/floor | white p',
         '{r.channel} | {r.unit} | {r.rms_before:number 3} | {r.rms_after:number 3} | '
         '{r.noise_floor:number 3} | {floors} | {r.whiteness_p:probability}',
+        caption,
     )
 
 
 def ranking_table(diagnosis: Diagnosis) -> Table:
     """The best candidates, each alone against the model as it stands."""
     return table_of(
-        '',
-        '',
         diagnosis.ranking[:_RANKED],
         'effect | where | log evidence | log L gain | p',
         '{effect} | {where:or } | {evidence:number} | {log_likelihood_gain:number} | '
@@ -167,25 +162,13 @@ def ranking_table(diagnosis: Diagnosis) -> Table:
     )
 
 
-def appearance_table(appearances: Mapping[str, Appearance], caption: str) -> Table:
-    """One row a channel whose error stands out."""
-    rows = []
-    for channel, seen in appearances.items():
-        motion, correlation = 'no single motion', ''
-        if abs(seen.correlation) > _CLEAR:
-            motion, correlation = seen.motion, f'{seen.correlation:+.2f}'
-        rows.append((channel, f'{seen.time:.1f}', motion, correlation))
-    return Table(('channel', 'largest at [s]', 'goes with', 'correlation'), rows, caption)
-
-
 def closed_loop_table(closed: ClosedLoopGain) -> Table:
     """One row a joint, and all of them."""
-    units = {**closed.units, 'all': closed.unit}
-    every = [*closed.joints.items(), ('all', (closed.rms_before, closed.rms_after))]
+    every: dict[str, RmsErrors | ClosedLoopGain] = {**closed.joints, 'all': closed}
     rows = [
-        (joint, units[joint], number(before, 3), number(after, 3),
-         percent(after / before) if before else '')
-        for joint, (before, after) in every
+        (joint, own.unit, number(own.rms_before, 3), number(own.rms_after, 3),
+         percent(own.rms_after / own.rms_before) if own.rms_before else '')
+        for joint, own in every.items()
     ]  # fmt: skip
     head = ('joint', 'unit', 'rms error before', 'rms error after', 'of it left')
     return Table(head, rows)
@@ -231,8 +214,7 @@ def _applied(effect: Effect, robot: Robot) -> str:
 
 def _values(cause: Cause) -> str:
     return ', '.join(
-        f'{name} {value_with(e.value, e.std)} +- {number(e.std, 2)} {e.unit}'.rstrip()
-        for name, e in cause.parameters.items()
+        f'{name} {estimate(e.value, e.std, e.unit)}' for name, e in cause.parameters.items()
     )
 
 

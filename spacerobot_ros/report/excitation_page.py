@@ -58,21 +58,16 @@ def excitation_page(summary: Summary) -> Report:
     chosen, nodes = summary.chosen, len(problem.fine.times)
     family = chosen.family.at(np.linspace(0.0, chosen.family.duration, nodes))
     motion = problem.moves(chosen.x[None], family, chosen.start)[0]
+    plots = [
+        Plot(partial(_joints, problem, motion), 'Joints; dashed lines are limits.'),
+        Plot(partial(_base, problem, motion), 'Base, moved by the joints alone.'),
+    ]
+    first = [Section('Prediction', [_key_figures(summary)]), Section('Motion', plots)]
     return Report(
         'Identification motion',
         f'{problem.robot.name}, {family.duration:g} s, {family.harmonics} harmonics, criterion '
         f'{options.criterion}, start {problem.start_kind}, seed {options.seed}',
-        [
-            Section('Prediction', [_key_figures(summary)]),
-            Section(
-                'Motion',
-                [
-                    Plot(partial(_joints, problem, motion), 'Joints; dashed lines are limits.'),
-                    Plot(partial(_base, problem, motion), 'Base, moved by the joints alone.'),
-                ],
-            ),
-            *excitation_sections(summary),
-        ],
+        [*first, *excitation_sections(summary)],
     )
 
 
@@ -113,7 +108,7 @@ def separation_section(first: Place, second: Place, found: Separated) -> Section
     ]
     heads = 'effect | from | seen | told apart | smallest told, of plausible size | motion'
     cells = '{of} | {other} | {seen.visible:.4g} | {seen.apart:.4g} | {seen.smallest:number 3}'
-    items: list[Item] = [head, table_of('', '', rows, heads, cells + ' | {motion}')]
+    items: list[Item] = [head, table_of(rows, heads, cells + ' | {motion}')]
     if min(best.first.sine, best.second.sine) < _NESTED:
         items.append(
             'note: one of them is all but a special case of the other; no motion tells it '
@@ -124,20 +119,15 @@ def separation_section(first: Place, second: Place, found: Separated) -> Section
 
 def _key_figures(summary: Summary) -> KeyFigures:
     design, own = summary.design, summary.reference
-    against = "file's own motion: "
-    remark = f'{against}{own.bits:.1f}' if own else ''
+
+    def figure(name: str, of: Callable[[Prediction], str], unit: str = '') -> KeyFigure:
+        return KeyFigure(name, of(design), unit, f"file's own motion: {of(own)}" if own else '')
+
     margin = 1.0 - max(use.fraction for use in summary.uses)
     return KeyFigures(
         [
-            KeyFigure('information', f'{design.bits:.1f}', 'bit', remark),
-            *(
-                KeyFigure(
-                    name,
-                    _FIGURES[name](design),
-                    remark=f'{against}{_FIGURES[name](own)}' if own else '',
-                )
-                for name in _HEADLINES
-            ),
+            figure('information', _FIGURES['information [bit]'], 'bit'),
+            *(figure(name, _FIGURES[name]) for name in _HEADLINES),
             KeyFigure('smallest margin', _percent(margin)),
         ]
     )
@@ -182,18 +172,16 @@ def _stds(summary: Summary) -> Table:
 
 
 def _wheels(summary: Summary) -> Table:
+    rows = []
+    for o in summary.wheels:
+        size, limits = float(np.linalg.norm(o.momentum)), 'kept' if o.allowed else 'broken'
+        rows.append({'o': o, 'p': o.prediction, 'size': size, 'limits': limits})
     return table_of(
-        '',
-        '',
-        [
-            {'o': o, 'p': o.prediction, 'size': float(np.linalg.norm(o.momentum)),
-             'limits': 'kept' if o.allowed else 'broken'}
-            for o in summary.wheels
-        ],
+        rows,
         'own wheels | |h0| [N m s] | common scale | worst AAM | median x | limits',
         'x{o.factor:g} | {size:.4g} | {p.scale_std:percent .3g} | {p.worst_aam:percent .3g} | '
         '{p.median_parameter:percent .3g} | {limits}',
-    )  # fmt: skip
+    )
 
 
 def _percent(value: float) -> str:

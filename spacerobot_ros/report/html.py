@@ -1,4 +1,4 @@
-"""Reports as one self-contained HTML page.
+"""Reports as one self-contained HTML page, by `assets/page.html`.
 
 A page needs no network, reads well on a phone, in the dark and in print, and is the same to the
 last byte for the same content. Curves are drawn, zoomed and read by uPlot, recordings played in 3D
@@ -7,23 +7,15 @@ by three.js; both libraries are part of the page, and of the package under `asse
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from html import escape
+from functools import cache
 from importlib import resources
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
-from ..display import (
-    Figure,
-    Item,
-    KeyFigure,
-    KeyFigures,
-    PageLink,
-    Replay,
-    Report,
-    Section,
-    Table,
-)
+from jinja2 import Environment, StrictUndefined, Template
+
+from ..display import Figure, Item, KeyFigures, Replay, Report, Table
 from ..formats import is_number
 from ..model.files import write_text
 from .plots import COLORS, inline_json, picture_of
@@ -40,92 +32,43 @@ def write_report(report: Report, path: str | Path) -> Path:
 
 def render(report: Report) -> str:
     """The page as text."""
-    sections = '\n'.join(_section(section) for section in report.sections)
-    return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<title>{escape(report.title)}</title>\n{"".join(_head(sections))}</head>\n<body>\n<main>\n'
-        f'<header><h1>{escape(report.title)}</h1><p>{escape(report.subtitle)}</p></header>\n'
-        f'{sections}\n</main>\n</body>\n</html>\n'
+    sections = [(part.title, [_item(item) for item in part.items]) for part in report.sections]
+    kinds = {kind for _, items in sections for kind, *_ in items}
+    return _page().render(report=report, sections=sections, kinds=kinds, colors=COLORS[:-1])
+
+
+@cache
+def _page() -> Template:
+    known = {'asset': _asset, 'is_number': is_number, 'quote': quote}
+    environment = Environment(
+        autoescape=True, keep_trailing_newline=True, undefined=StrictUndefined
     )
-
-
-def _section(section: Section) -> str:
-    items = '\n'.join(_item(item) for item in section.items)
-    title = f'<h2>{escape(section.title)}</h2>\n' * bool(section.title)
-    return f'<section>\n{title}{items}\n</section>'
-
-
-def _head(sections: str) -> Iterator[str]:
-    """Styles, and the scripts that something on the page needs."""
-    colors = ''.join(f'--curve-{k}: {color}; ' for k, color in enumerate(COLORS[:-1]))
-    has_replay = '<figure class="replay"' in sections
-    has_charts = has_replay or '<div class="live"' in sections
-    library = _asset('uplot.min.css') * has_charts  # first: ours changes what it says
-    yield f'<style>{library}:root {{ {colors}}}\n{_asset("report.css")}</style>\n'
-    names = [
-        *['uplot.min.js', 'charts.js'] * has_charts,
-        *['three.min.js', 'replay.js'] * has_replay,
-    ]
-    yield from (f'<script>{_asset(name)}</script>\n' for name in names)
+    return environment.from_string(_asset('page.html'), known)
 
 
 def _asset(name: str) -> str:
     return (resources.files(__package__) / 'assets' / name).read_text(encoding='utf-8')
 
 
-def _item(item: Item) -> str:
-    if isinstance(item, KeyFigures):
-        return f'<div class="key">{"".join(_key_figure(figure) for figure in item.figures)}</div>'
+def _item(item: Item) -> tuple[str, Any, str]:
+    """What kind of thing it is, what the page says of it, and its caption."""
     if isinstance(item, str):
-        return f'<p>{escape(item)}</p>'
+        return 'text', item, ''
+    if isinstance(item, KeyFigures):
+        return 'key', item, ''
     if isinstance(item, Table):
-        return _table(item)
-    return _figure(item)
-
-
-def _figure(item: Figure) -> str:
-    caption = f'<figcaption>{escape(item.caption)}</figcaption>' if item.caption else ''
+        return 'table', item, ''
     try:
-        if isinstance(item, Replay):
-            return _replay(item, caption)
-        return f'<figure class="plot">{picture_of(item)}{caption}</figure>'
+        return *_drawn(item), item.caption
     except Exception as error:  # noqa: BLE001  whatever fails in a picture costs that picture only
         why = f'This picture could not be drawn: {type(error).__name__}: {error}'
-        return f'<figure><p>{escape(why)}</p>{caption}</figure>'
+        return 'failure', why, item.caption
 
 
-def _replay(item: Replay, caption: str) -> str:
+def _drawn(item: Figure) -> tuple[str, Any]:
+    if not isinstance(item, Replay):
+        return picture_of(item)
     from .replay_view import scene_values  # late: it knows dynamics
 
     scene = item.scene() if callable(item.scene) else item.scene
-    notes = ''.join(f'<p class="note">{escape(note)}</p>' for note in scene.notes)
-    content = inline_json(scene_values(scene))
-    return f'<figure class="replay">{content}<div class="view"></div>{caption}{notes}</figure>'
-
-
-def _key_figure(figure: KeyFigure) -> str:
-    mark = {'': '', 'good': '<i class="good">&#10003;</i>', 'bad': '<i class="bad">&#10007;</i>'}
-    unit = f' <span>{escape(figure.unit)}</span>' if figure.unit else ''
-    remark = f'<small>{escape(figure.remark)}</small>' if figure.remark else ''
-    value = f'<dd>{escape(figure.value)}{unit} {mark[figure.status]}</dd>'
-    return f'<dl><dt>{escape(figure.label)}</dt>{value}{remark}</dl>'
-
-
-def _table(table: Table) -> str:
-    head = ''.join(f'<th scope="col">{escape(title)}</th>' for title in table.head)
-    rows = '\n'.join(f'<tr>{"".join(_cell(cell) for cell in row)}</tr>' for row in table.rows)
-    above = '. '.join(text for text in (table.title, table.caption) if text)
-    caption = f'<caption>{escape(above)}</caption>' if above else ''
-    return (
-        f'<div class="wide"><table>{caption}<thead><tr>{head}</tr></thead>\n'
-        f'<tbody>\n{rows}\n</tbody></table></div>'
-    )
-
-
-def _cell(text: str) -> str:
-    kind = ' class="number"' if is_number(text) else ''
-    shown = escape(text)
-    if isinstance(text, PageLink):
-        shown = f'<a href="{quote(text.target)}">{shown}</a>'
-    return f'<td{kind}>{shown}</td>'
+    return 'replay', {'scene': inline_json(scene_values(scene)), 'notes': scene.notes}

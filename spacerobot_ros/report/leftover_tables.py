@@ -3,27 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import yaml
 
 from ..diagnosis.answer.extended_model import effects_section
 from ..diagnosis.answer.result import Diagnosis, Leftover, Order
 from ..display import Item, Table
-from ..formats import UNTESTED, number, percent, probability, value_with
+from ..formats import UNTESTED, estimate, percent, probability
+from .sentences import SAID
 
 _ONCE = 0.01  # of a turn: what a scale of the wheel's rate may be off by
-_HEAD = (
-    'channel',
-    'depends on',
-    'form',
-    'coefficients',
-    'resembles',
-    'p',
-    'held out',
-    'placebo',
-    'other recording',
-)
 
 
 def leftover_lines(diagnosis: Diagnosis) -> list[str]:
@@ -34,14 +24,11 @@ def leftover_lines(diagnosis: Diagnosis) -> list[str]:
 
 def leftover_items(diagnosis: Diagnosis) -> Iterator[Item]:
     """For the page: a table, and the YAML entry of every law, to paste under `effects`."""
-    yield _table(
-        diagnosis,
-        'p: of such a law by chance; held out: share that it explains of parts it was not fitted '
-        'to, placebo: the best of columns without meaning; other recording: share of one that was '
-        'not used.',
-    )
+    if not diagnosis.leftover:
+        return
+    yield _table(diagnosis.leftover, SAID['leftover'])
     yield from (_order_line(order) for order in diagnosis.orders or ())
-    for entry in diagnosis.leftover or ():
+    for entry in diagnosis.leftover:
         if entry.applied is not None:
             section = effects_section([entry.applied])
             text = yaml.safe_dump(section, sort_keys=False, default_flow_style=True, width=1e9)
@@ -51,23 +38,16 @@ def leftover_items(diagnosis: Diagnosis) -> Iterator[Item]:
             )
 
 
-def _table(diagnosis: Diagnosis, caption: str) -> Table:
-    rows = [
-        (
-            entry.channel,
-            ', '.join(entry.depends_on),
-            entry.form or '',
-            _coefficients(entry),
-            entry.resembles,
-            '' if entry.p_value is None else probability(entry.p_value),
-            *(
-                '' if share is None else percent(share, nothing=UNTESTED)
-                for share in (entry.held_out_gain, entry.placebo_gain, entry.other_recording)
-            ),
-        )
-        for entry in diagnosis.leftover or ()
-    ]
-    return Table(_HEAD, rows, caption)
+def _table(leftover: Sequence[Leftover], caption: str) -> Table:
+    rows = []
+    for one in leftover:
+        shares = one.held_out_gain, one.placebo_gain, one.other_recording
+        tested = ['' if share is None else percent(share, nothing=UNTESTED) for share in shares]
+        p = '' if one.p_value is None else probability(one.p_value)
+        law = ', '.join(one.depends_on), one.form or '', _coefficients(one)
+        rows.append((one.channel, *law, one.resembles, p, *tested))
+    head = 'channel', 'depends on', 'form', 'coefficients', 'resembles', 'p'
+    return Table((*head, 'held out', 'placebo', 'other recording'), rows, caption)
 
 
 def _order_line(order: Order) -> str:
@@ -117,6 +97,4 @@ def _line(entry: Leftover) -> str:
 
 
 def _coefficients(entry: Leftover) -> str:
-    return ', '.join(
-        f'{value_with(c.value, c.std)} +- {number(c.std, 2)} {c.unit}' for c in entry.coefficients
-    )
+    return ', '.join(estimate(c.value, c.std, c.unit) for c in entry.coefficients)

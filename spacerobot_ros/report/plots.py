@@ -10,10 +10,10 @@ import base64
 import json
 import math
 from collections.abc import Sequence
-from html import escape
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from ..display import Bars, Matrix, Panel, Plot
 from ..types import Array
@@ -24,10 +24,10 @@ def packed(values: Array) -> str:
     return base64.b64encode(np.ascontiguousarray(values, dtype='<f4').tobytes()).decode()
 
 
-def inline_json(value: Any) -> str:
+def inline_json(value: Any) -> Markup:
     """A `<script>` that holds data; nothing in it can end it."""
     text = json.dumps(value, allow_nan=False, separators=(',', ':')).replace('<', '\\u003c')
-    return f'<script type="application/json">{text}</script>'
+    return Markup(f'<script type="application/json">{text}</script>')
 
 
 COLORS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9', '#000000')
@@ -35,18 +35,15 @@ MOST_POINTS = 1800  # of all curves of a panel, which then takes 30 to 80 kB of 
 FEWEST_POINTS = 200  # of a curve
 
 
-def picture_of(figure: Plot) -> str:
-    """The content of a plot's `<figure>`."""
+def picture_of(figure: Plot) -> tuple[str, Any]:
+    """The kind of a plot's picture, and what the page shows of it."""
     picture = figure.picture() if callable(figure.picture) else figure.picture
     if isinstance(picture, Matrix):
-        return _matrix(picture)
+        return 'matrix', picture
     if isinstance(picture, Bars):
-        return _bars(picture)
+        return 'bars', _bars(picture)
     content = {'abscissa': figure.abscissa, 'height': figure.height, 'panels': panels_of(picture)}
-    return (
-        f'{inline_json(content)}<div class="live"></div>'
-        '<noscript><p>These curves need JavaScript.</p></noscript>'
-    )
+    return 'curves', inline_json(content)
 
 
 def panels_of(panels: Sequence[Panel]) -> list[dict[str, Any]]:
@@ -110,43 +107,18 @@ def thinned(t: Array, y: Array, limit: int) -> tuple[Array, Array]:
     return t[chosen], y[chosen]
 
 
-def _bars(content: Bars) -> str:
+def _bars(content: Bars) -> dict[str, Any]:
     """Widths by the logarithm, whole decades from end to end; nothing where a value is not > 0."""
     powers = [math.log10(value) if value > 0.0 else math.nan for value in content.values]
     first = math.floor(np.nanmin(powers))
     decades = max(math.ceil(np.nanmax(powers)) - first, 1)
 
     def share(power: float) -> str:
-        return f'{100.0 * (power - first) / decades:.2f}%'
+        return '' if math.isnan(power) else f'{100.0 * (power - first) / decades:.2f}%'
 
-    rows = []
-    for label, power, mark in zip(content.labels, powers, content.marked, strict=True):
-        kind = ' class="marked"' * mark
-        bar = '' if math.isnan(power) else f'<i{kind} style="width: {share(power)}"></i>'
-        rows.append(f'<tr><th scope="row">{escape(label)}</th><td>{bar}</td></tr>')
-    ticks = (
-        f'<span style="left: {share(power)}">1e{power}</span>'
-        for power in range(first, first + decades + 1)
-    )
-    return (
-        f'<table class="bars" style="--decades: {decades}"><caption>{escape(content.abscissa)}'
-        f'</caption><tbody>\n{"".join(rows)}\n</tbody>'
-        f'<tfoot><tr><td></td><td>{"".join(ticks)}</td></tr></tfoot></table>'
-    )
-
-
-def _matrix(content: Matrix) -> str:
-    """Counts, shaded by their share of their row's sum; empty cells stay blank."""
-    head = ''.join(f'<th scope="col">{escape(name)}</th>' for name in content.columns)
-    rows = []
-    for name, counts in zip(content.rows, content.counts, strict=True):
-        total = max(counts.sum(), 1)
-        cells = ''.join(
-            f'<td style="--share: {count / total:.3f}">{count:g}</td>' if count else '<td></td>'
-            for count in counts
-        )
-        rows.append(f'<tr><th scope="row">{escape(name)}</th>{cells}</tr>')
-    return (
-        f'<table class="matrix"><caption>{escape(content.abscissa)}</caption>'
-        f'<thead><tr><td></td>{head}</tr></thead><tbody>\n{"".join(rows)}\n</tbody></table>'
-    )
+    return {
+        'abscissa': content.abscissa,
+        'decades': decades,
+        'rows': list(zip(content.labels, map(share, powers), content.marked, strict=True)),
+        'ticks': [(share(p), f'1e{p}') for p in range(first, first + decades + 1)],
+    }

@@ -12,6 +12,7 @@ from ..diagnosis.quality.quality import Quality
 from ..diagnosis.quality.readings import Reading
 from ..display import (
     Curve,
+    GoodOrBad,
     Item,
     KeyFigure,
     KeyFigures,
@@ -23,8 +24,6 @@ from ..display import (
     table_of,
 )
 from ..formats import number
-
-_DIGITS = 3
 
 
 def quality_page(quality: Quality) -> Report:
@@ -59,14 +58,11 @@ def _key_figures(quality: Quality) -> KeyFigures:
     found = quality.excitation
     count = '-' if found is None else f'{count_told(found)} of {len(found)}'
     joints = next((s for s in quality.sensors if s.sensor == 'joints'), quality.sensors[0])
+    status: GoodOrBad = 'bad' if quality.findings else 'good'
     return KeyFigures(
         [
             KeyFigure('length', f'{joints.duration:.4g}', 's', f'{joints.sensor} sampled'),
-            KeyFigure(
-                'findings',
-                str(len(quality.findings)),
-                status='bad' if quality.findings else 'good',
-            ),
+            KeyFigure('findings', str(len(quality.findings)), status=status),
             KeyFigure('unknowns told', count, remark=quality.why_not),
         ]
     )
@@ -78,8 +74,6 @@ def _sampling(quality: Quality) -> Table:
         for s in quality.sensors
     ]
     return table_of(
-        '',
-        '',
         rows,
         'sensor | samples | from [s] | length [s] | rate [Hz] | jitter [ms] | gaps | '
         'longest [s] | lost',
@@ -90,8 +84,6 @@ def _sampling(quality: Quality) -> Table:
 
 def _delays(quality: Quality) -> Table:
     return table_of(
-        '',
-        '',
         [{'d': d, 'delay': 1e3 * d.delay, 'std': 1e3 * d.std} for d in quality.delays],
         'sensor | against the integral of | late by [ms] | +- std | makes, rms | unit',
         '{d.late} | {d.reference} | {delay:number 3} | {std:number 2} | {d.error:number 2} | '
@@ -101,27 +93,24 @@ def _delays(quality: Quality) -> Table:
 
 def _channels(channels: tuple[Reading, ...]) -> Table:
     return table_of(
-        '',
-        'noise: standard deviation of the white part of one sample',
         [{'c': c, 'step': c.step or None} for c in channels],
         'channel | unit | lowest | highest | step | saturated | noise seen | stated',
         '{c.channel} | {c.unit} | {c.lowest:number} | {c.highest:number} | {step:number 3} | '
         '{c.saturated:percent .2g} | {c.noise:number 3} | {c.stated:number 3}',
+        'noise: standard deviation of the white part of one sample',
     )
 
 
 def _walks(curves: tuple[Allan, ...]) -> Table:
-    rows = [
-        (a.channel, a.unit, _or_unseen(a.white), _or_unseen(a.random_walk),
-         number(a.most_walk, 2), _or_unseen(a.angle))
-        for a in curves
-    ]  # fmt: skip
+    rows = []
+    for a in curves:
+        seen = (
+            'not seen' if x is None else number(x, 3) for x in (a.white, a.random_walk, a.angle)
+        )
+        white, walk, angle = seen
+        rows.append((a.channel, a.unit, white, walk, number(a.most_walk, 2), angle))
     head = 'white [unit/s/sqrt(Hz)]', 'random walk [unit/s/sqrt(s)]', 'a walk that would be seen'
     return Table(('rate', 'unit', *head, 'what it is compared with, white [unit]'), rows)
-
-
-def _or_unseen(value: float | None) -> str:
-    return 'not seen' if value is None else number(value, _DIGITS)
 
 
 def _curves(curves: tuple[Allan, ...]) -> Iterator[Plot]:
@@ -152,10 +141,9 @@ def _excitation(quality: Quality, is_whole: bool) -> Iterator[Item]:
         'beside all other unknowns, are less than their plausible size'
     )
     yield table_of(
-        '',
-        '' if is_whole else 'all others are told',
         [one for one in found if is_whole or one.status != 'told'],
         'effect | where | number | plausible size | std alone | std beside others | unit | status',
         '{effect} | {where:or } | {parameter} | {size:number 2} | {alone:number 2} | '
         '{together:number 2} | {unit:or 1} | {status}',
+        '' if is_whole else 'all others are told',
     )

@@ -36,37 +36,27 @@ def scene_values(scene: Scene) -> dict[str, Any]:
         'time': packed(scene.measured.time),
         'measured': _track(scene.measured),
         'predicted': None if scene.predicted is None else _track(scene.predicted),
-        'arrows': [
-            {'label': arrow.label, 'body': arrow.body, 'values': packed(arrow.values)}
-            for arrow in scene.arrows
-        ],
-        'channels': [
-            {
-                'title': channel.title,
-                'unit': channel.unit,
-                'labels': list(channel.labels),
-                'values': packed(channel.values),
-            }
-            for channel in scene.channels
-        ],
+        'arrows': [_packed(arrow, 'label', 'body', 'values') for arrow in scene.arrows],
+        'channels': [_packed(c, 'title', 'unit', 'labels', 'values') for c in scene.channels],
         'marks': [{'body': body, 'text': text} for body, text in scene.marks],
     }
 
 
-def _track(track: RobotTrack) -> dict[str, str]:
-    names = {'position': track.position, 'attitude': track.attitude_xyzw, 'q': track.q}
-    return {name: packed(values) for name, values in names.items()}
+def _packed(thing: object, *names: str) -> dict[str, Any]:
+    """Attributes by name."""
+    values = {name: getattr(thing, name) for name in names}
+    return {n: packed(v) if isinstance(v, np.ndarray) else v for n, v in values.items()}
+
+
+def _track(track: RobotTrack) -> dict[str, Any]:
+    own = _packed(track, 'position', 'q')
+    return {**own, 'attitude': packed(track.attitude_xyzw)}
 
 
 def _shape(shape: Shape) -> dict[str, Any]:
-    out: dict[str, Any] = {
-        'kind': shape.kind,
-        'size': list(shape.size),
-        'position': np.asarray(shape.position).tolist(),
-        'quat': _quat(shape.rotation),
-        'color': shape.color,
-    }
-    return {**out, 'triangles': packed(shape.triangles)} if shape.kind == 'mesh' else out
+    out = _packed(shape, 'kind', 'size', 'color', *['triangles'] * (shape.kind == 'mesh'))
+    position = np.asarray(shape.position).tolist()
+    return {**out, 'position': position, 'quat': _quat(shape.rotation)}
 
 
 def _quat(rotation: Matrix3) -> list[float]:

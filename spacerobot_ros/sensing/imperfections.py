@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..dynamics.integrate import cubic_hermite
 from ..dynamics.rotation import cross, rotation_between, turned
 from ..dynamics.state import State
 from ..model.robot_settings import SensorSettings
@@ -195,25 +196,13 @@ def _coasted(state: State, dt: float) -> State:
 
 
 def _between(a: State, b: State, t: float, h: float) -> State:
-    q, qd = _hermite(a.q, b.q, a.qd, b.qd, t, h)
+    q, qd = cubic_hermite(a.q, b.q, a.qd, b.qd, t, h)
     step = rotation_between(a.q_WB_xyzw, b.q_WB_xyzw)
     # rate of the rotation vector from a: J^-1 omega, to third order of the small step
     end = b.omega_WB_B + 0.5 * cross(step, b.omega_WB_B)
     end = end + cross(step, cross(step, b.omega_WB_B)) / 12.0
-    turn, rate = _hermite(np.zeros(3), step, a.omega_WB_B, end, t, h)
+    turn, rate = cubic_hermite(np.zeros(3), step, a.omega_WB_B, end, t, h)
     omega = rate - 0.5 * cross(turn, rate) + cross(turn, cross(turn, rate)) / 6.0
     share, attitude = t / h, turned(a.q_WB_xyzw, turn)
     p, v = a.p_WB + share * (b.p_WB - a.p_WB), a.v_WB_B + share * (b.v_WB_B - a.v_WB_B)
     return State(p, attitude, q, v, omega, qd)
-
-
-def _hermite(
-    x0: Array, x1: Array, v0: Array, v1: Array, t: float, h: float
-) -> tuple[Array, Array]:
-    """Cubic through two points with given slopes, and its slope, at t of [0, h]."""
-    u = t / h
-    chord = (x1 - x0) / h
-    bend, twist = chord - v0, v1 + v0 - 2.0 * chord
-    value = x0 + t * (v0 + u * (bend + (u - 1.0) * twist))
-    slope = v0 + 2.0 * u * bend + u * (3.0 * u - 2.0) * twist
-    return value, slope

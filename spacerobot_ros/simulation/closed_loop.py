@@ -16,8 +16,7 @@ from typing import Protocol
 import numpy as np
 
 from ..control.loop import Command, ControlLoop
-from ..dynamics.ledger import LEDGER_PERIOD
-from ..dynamics.state import State
+from ..dynamics.state import LEDGER_PERIOD, State
 from ..errors import ConfigurationError
 from ..identification.estimate import Estimate
 from ..model.robot import Robot

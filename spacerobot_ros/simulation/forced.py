@@ -17,10 +17,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..dynamics.equations import Dynamics
-from ..dynamics.integrate import rk_step
+from ..dynamics.integrate import DOP853, Tableau, rk_step
 from ..dynamics.rotation import cross, rotation_matrix
 from ..dynamics.state import State
-from ..dynamics.tableaus import DOP853, Tableau
 from ..effects.effect import Effect, own_states
 from ..effects.motion import Motion, motion_at
 from ..errors import ConfigurationError, SimulationDivergedError

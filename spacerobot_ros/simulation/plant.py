@@ -11,10 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..dynamics.equations import Dynamics
-from ..dynamics.integrate import Holding
-from ..dynamics.ledger import MomentumLedger
-from ..dynamics.state import State
-from ..dynamics.tableaus import DOP853, Tableau
+from ..dynamics.integrate import DOP853, Holding, Tableau
+from ..dynamics.state import MomentumLedger, State
 from ..effects.effect import Effect
 from ..errors import ConfigurationError, MessageRejectedError, SimulationDivergedError
 from ..formats import counted

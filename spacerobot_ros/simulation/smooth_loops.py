@@ -20,7 +20,7 @@ from ..control.joint_reference import Reference, Setpoint
 from ..dynamics.aba import aba
 from ..dynamics.compiling import compiled
 from ..dynamics.equations import joint_torques
-from ..dynamics.tableaus import DOP853
+from ..dynamics.integrate import cubic_hermite, rk_step
 from ..dynamics.tree import LINK, Records, tree_of
 from ..model.robot import Robot
 from ..types import Array
@@ -80,21 +80,15 @@ def follow(
         steps: Integration steps.
     """
     trees = np.stack([tree_of(machine) for machine in machines])
-    (nodes, weights), dt = DOP853, duration / steps
-    loops = _Loops(trees, law, x.shape)
-    slopes = np.empty((len(weights) - 1, *x.shape))
+    dt, loops = duration / steps, _Loops(trees, law, x.shape)
     start, x = x[:, 3:7].copy(), x.copy()
     seen = _Seen(len(x), len(law.model.joints))
     before = loops.error(law.reference.at(0.0), x)
     with np.errstate(all='ignore'):  # what diverges does so alone
         for k in range(steps):
-            t = k * dt
-            for s in range(len(slopes)):
-                y = _advanced(x, dt, weights[s, :s], slopes)
-                tau = loops.rate(law.reference.at(t + nodes[s] * dt), y, slopes[s])
-                if s == 0:
-                    seen.torque = np.fmax(seen.torque, np.abs(tau))
-            x = _advanced(x, dt, weights[-1], slopes)
+            t, loops.torques = k * dt, []
+            x = rk_step(loops.rate, t, x, dt)
+            seen.torque = np.fmax(seen.torque, np.abs(loops.torques[0]))
             x[:, 3:7] /= np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
             after = loops.error(law.reference.at(t + dt), x)
             seen.add(before, after, dt)
@@ -123,15 +117,17 @@ class _Loops:
         self._links = np.zeros(trees.shape[1], LINK)
         self._tau = np.zeros((shape[0], self._m))
         self.is_limited = np.zeros(shape[0], dtype=bool)
+        self.torques: list[Array] = []
 
     def error(self, setpoint: Setpoint, x: Array) -> tuple[Array, Array]:
         """(R, n) joint errors and their rates."""
         n, m = self._n, self._m
         return setpoint.q - x[:, 7 : 7 + n], setpoint.qd - x[:, 13 + m : 13 + m + n]
 
-    def rate(self, setpoint: Setpoint, x: Array, out: Array) -> Array:
-        """Write the rates of all states; returns the torques (R, n) that make them so."""
+    def rate(self, t: float, x: Array) -> Array:
+        """Rates of all states; keeps the torques (R, n) that make them so."""
         law, n, m = self._law, self._n, self._m
+        setpoint, out = law.reference.at(t), np.empty_like(x)
         e, ed = self.error(setpoint, x)
         v = setpoint.qdd + 2.0 * law.bandwidth * ed + law.bandwidth**2 * e
         q, qd, omega = x[:, 7 : 7 + n], x[:, 13 + m : 13 + m + n], x[:, 10 + m : 13 + m]
@@ -139,8 +135,9 @@ class _Loops:
         limited = np.clip(tau, -law.limits, law.limits)
         self.is_limited |= (limited != tau).any(axis=1)
         self._tau[:, :n] = limited
+        self.torques.append(limited)
         _rates(self._trees, self._links, x, self._tau, out)
-        return limited
+        return out
 
 
 class _Seen:
@@ -153,27 +150,12 @@ class _Seen:
     def add(self, before: tuple[Array, Array], after: tuple[Array, Array], dt: float) -> None:
         """A step, by its ends' errors and their rates."""
         (e0, d0), (e1, d1) = before, after
-        inside = [_cubic(e0, dt * d0, e1, dt * d1, part) for part in _WITHIN]
+        inside = [cubic_hermite(e0, e1, d0, d1, part * dt, dt)[0] for part in _WITHIN]
         for e in (e0, *inside, e1):
             self.largest = np.fmax(self.largest, np.abs(e))
         # Boole's rule, exact for the squares of what is cubic but for its last term
         a, b, c = (e**2 for e in inside)
         self.squares += dt / 90.0 * (7.0 * (e0**2 + e1**2) + 32.0 * (a + c) + 12.0 * b)
-
-
-def _cubic(e0: Array, d0: Array, e1: Array, d1: Array, s: float) -> Array:
-    """Hermite's cubic at a part of a step, slopes by the step."""
-    h = (1.0 - s) ** 2 * (1.0 + 2.0 * s) * e0 + s**2 * (3.0 - 2.0 * s) * e1
-    return np.asarray(h + s * (1.0 - s) ** 2 * d0 - s**2 * (1.0 - s) * d1)
-
-
-def _advanced(x: Array, dt: float, weights: Array, slopes: Array) -> Array:
-    """X + dt sum_k w_k f_k, term by term: a product of matrices rounds as its shape has it."""
-    total = np.zeros_like(x)
-    for weight, slope in zip(weights.tolist(), slopes, strict=False):
-        if weight:
-            total += weight * slope
-    return np.asarray(x + dt * total)
 
 
 def rotated(start: Array, now: Array) -> Array:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..dynamics.equations import Dynamics
+from ..dynamics.integrate import TABLEAUS
 from ..dynamics.state import initial_state
-from ..dynamics.tableaus import TABLEAUS
 from ..effects.catalogue import believed_effects, changed_robot
 from ..errors import ConfigurationError
 from ..model.rigid_body import Solid, check_inertia

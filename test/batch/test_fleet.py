@@ -102,7 +102,6 @@ def asked(monkeypatch):
             calibration=(),
             closed_loop=None,
             why_open='',
-            appearances={},
             command=command,
         )
 

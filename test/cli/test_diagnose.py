@@ -17,7 +17,7 @@ from spacerobot_ros.cli.options import check_folder
 from spacerobot_ros.cli.terminal import print_sections
 from spacerobot_ros.diagnosis import findings
 from spacerobot_ros.diagnosis.answer.cause import Rival
-from spacerobot_ros.diagnosis.answer.closed_loop_gain import ClosedLoopGain
+from spacerobot_ros.diagnosis.answer.closed_loop_gain import ClosedLoopGain, RmsErrors
 from spacerobot_ros.diagnosis.answer.next_motion import with_motions
 from spacerobot_ros.diagnosis.findings import Findings
 from spacerobot_ros.effects.catalogue import CATALOGUE
@@ -136,10 +136,9 @@ def answer(tmp_path, verdict='explained'):
         added=(hand_made().causes[0].applied,),
         calibration=(),
         closed_loop=ClosedLoopGain(
-            task='a task', duration=5.0, joints={'joint_2': (1e-2, 1e-3)}, units={'joint_2': 'rad'}
+            task='a task', duration=5.0, joints={'joint_2': RmsErrors('rad', 1e-2, 1e-3)}
         ),
         why_open='',
-        appearances={},
         command='spacerobot diagnose bag --robot robot.yaml --out out',
     )
 

@@ -13,9 +13,9 @@ from spacerobot_ros.control.adaptive.regressors import (
     parameter_values,
 )
 from spacerobot_ros.dynamics.equations import Dynamics
+from spacerobot_ros.dynamics.pinocchio_model import in_pinocchio
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.errors import ConfigurationError
-from validation.pinocchio_peer import peer
 
 CLOSE = {'rtol': 1e-12, 'atol': 1e-12}  # a few hundred products of numbers of order ten
 WHEELS = {
@@ -33,9 +33,9 @@ def robot(request):
 
 def pin_state(robot, q, *vectors):
     """Pinocchio's configuration at the origin and its order of velocities."""
-    q_pin = pin.neutral(peer(robot).model)
-    q_pin[7:][peer(robot).velocity_indices] = q
-    order = np.concatenate([np.arange(6), 6 + peer(robot).velocity_indices])
+    q_pin = pin.neutral(in_pinocchio(robot).model)
+    q_pin[7:][in_pinocchio(robot).velocity_indices] = q
+    order = np.concatenate([np.arange(6), 6 + in_pinocchio(robot).velocity_indices])
     out = []
     for vector in vectors:
         reordered = np.empty(len(vector))
@@ -58,7 +58,7 @@ def without_wheels(robot):
 def test_slotine_li_is_mass_and_coriolis(robot):
     q, (V, Vr, Ar) = random_state(robot, 3)
     q_pin, order, (v, vr) = pin_state(robot, q, V, Vr)
-    model, data = peer(robot).model, peer(robot).model.createData()
+    model, data = in_pinocchio(robot).model, in_pinocchio(robot).model.createData()
     M = Dynamics(robot).mass_matrix(q)
     C = pin.computeCoriolisMatrix(model, data, q_pin, v)
     torque = Regressors(robot).slotine_li(q, V, Vr, Ar) @ without_wheels(robot)
@@ -85,11 +85,11 @@ def test_two_calls_of_pinocchio_give_the_same_columns(robot):
     A = Ar.copy()
     A[:6] += 0.5 * pin.Motion(V[:6]).cross(pin.Motion(Vr[:6])).vector
     q_pin, order, (v, vr, a) = pin_state(robot, q, V, Vr, A)
-    model, data = peer(robot).model, peer(robot).model.createData()
+    model, data = in_pinocchio(robot).model, in_pinocchio(robot).model.createData()
     model.gravity.linear = np.zeros(3)
     both = pin.computeJointTorqueRegressor(model, data, q_pin, v + vr, 2.0 * a).copy()
     both -= pin.computeJointTorqueRegressor(model, data, q_pin, v - vr, -2.0 * a)
-    blocks = [np.arange(10 * (i - 1), 10 * i) for i in peer(robot).joint_ids]
+    blocks = [np.arange(10 * (i - 1), 10 * i) for i in in_pinocchio(robot).joint_ids]
     Y = Regressors(robot).slotine_li(q, V, Vr, Ar)[:, : 10 * len(robot.bodies)]
     np.testing.assert_allclose(Y, 0.25 * both[order][:, np.concatenate(blocks)], **CLOSE)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.diagnosis.diagnose import diagnose
-from spacerobot_ros.diagnosis.events.break_away import break_away
+from spacerobot_ros.diagnosis.events.arm_events import break_away
 from spacerobot_ros.estimation.balance.balance import balance_of
 from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings

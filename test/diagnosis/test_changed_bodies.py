@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from spacerobot_ros.diagnosis.comparison.changed_bodies import drop_needless_bodies
+from spacerobot_ros.diagnosis.comparison.compare import drop_needless_bodies
 
 
 class Choice(SimpleNamespace):

@@ -15,7 +15,7 @@ from support.contracts import keeps
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.diagnosis.arms.held_out_checks import holds
 from spacerobot_ros.diagnosis.comparison.change_conclusion import conclude_changes
-from spacerobot_ros.diagnosis.comparison.compare import compare
+from spacerobot_ros.diagnosis.comparison.compare import changes_between, compare
 from spacerobot_ros.diagnosis.comparison.moments import Moments
 from spacerobot_ros.diagnosis.limits import CHANCE
 from spacerobot_ros.effects.catalogue import CATALOGUE
@@ -48,8 +48,7 @@ EMPTY, LOADED = RealArm(1), arm_with('inertial_parameters', 'link_6', **POINT)
 def changes(before, after, has_friction=True):
     """The answer about two machines on motions of their own."""
     file = arm_file(has_friction=has_friction)
-    found = compare([before.record(0)], [after.record(1)], file.robot, file.effects)
-    return conclude_changes(found)
+    return compare([before.record(0)], [after.record(1)], file.robot, file.effects)
 
 
 @pytest.mark.parametrize('has_friction', [True, False])
@@ -92,13 +91,13 @@ def test_a_law_that_no_effect_knows_is_no_change():
     file = arm_file()
     before, after = (with_law(EMPTY.record(k)) for k in range(2))
     found = compare([before], [after], file.robot, file.effects)
-    assert conclude_changes(found).verdict == 'unchanged'  # a spring and a gain at joint_3
+    assert found.verdict == 'unchanged'  # a spring and a gain at joint_3
 
 
 def test_what_no_change_explains_makes_others_less_visible():
     """A change must have half of it: what is said to be detectable says so."""
     file = arm_file()
-    found = compare([EMPTY.record(0)], [EMPTY.record(1)], file.robot, file.effects)
+    found = changes_between([EMPTY.record(0)], [EMPTY.record(1)], file.robot, file.effects)
     told, rough, worse = (
         {
             (d.effect, d.where): d.value
@@ -193,7 +192,7 @@ def test_a_joint_that_moves_in_one_recording_alone_says_nothing_of_a_change(orde
     file = arm_file()
     one, all_ = EMPTY.record(0, moving=('joint_2',)), EMPTY.record(1)
     before, after = (one, all_)[::order]
-    found = conclude_changes(compare([before], [after], file.robot, file.effects))
+    found = compare([before], [after], file.robot, file.effects)
     assert (found.verdict, found.changes) == ('unchanged', ())
     assert all(0.0 < left < 10.0 for left in found.left.values())
 
@@ -208,12 +207,12 @@ def repeats():
 def test_repeats_of_a_motion_are_unchanged_and_a_kilogram_is_found(repeats, run):
     file = arm_file(has_friction=False)  # what a file lacks is the same in every run
     same = EMPTY.record(run, duration=4.0, motion=3)
-    found = conclude_changes(compare(repeats, [same], file.robot, file.effects))
+    found = compare(repeats, [same], file.robot, file.effects)
     assert (found.verdict, found.is_repeated) == ('unchanged', True)
     kilogram = {name: value / 1.5 for name, value in POINT.items()}
     loaded = arm_with('inertial_parameters', 'link_6', **kilogram)
     other = loaded.record(run, duration=4.0, motion=3)
-    found = conclude_changes(compare(repeats, [other], file.robot, file.effects))
+    found = compare(repeats, [other], file.robot, file.effects)
     assert [(c.effect, c.where) for c in found.changes] == [('inertial_parameters', 'link_6')]
     mass = found.changes[0].parameters['mass']
     assert abs(mass.value - 1.0) < 3.0 * mass.std < 1.0
@@ -221,7 +220,7 @@ def test_repeats_of_a_motion_are_unchanged_and_a_kilogram_is_found(repeats, run)
 
 def test_runs_of_other_motions_are_no_repeats(repeats):
     file = arm_file()
-    found = compare(repeats[:3], [EMPTY.record(9, duration=4.0)], file.robot, file.effects)
+    found = changes_between(repeats[:3], [EMPTY.record(9, duration=4.0)], file.robot, file.effects)
     assert not found.is_repeated
 
 
@@ -256,7 +255,7 @@ def test_what_small_swings_can_not_tell_is_listed(rng, amplitude, told_apart, tm
     own = {'base': 'fixed', 'gravity': [0.0, 0.0, -9.81], 'joints': ['pivot']}
     robot = build_robot(parse_settings({'robot': own}), PENDULUM)
     records = [swings(rng, spring, amplitude) for spring in (0.0, 3.0)]
-    comparison = conclude_changes(compare(records[:1], records[1:], robot))
+    comparison = compare(records[:1], records[1:], robot)
     (change,) = comparison.changes
     names = [change.effect, *(r.effect for r in change.indistinguishable_from)]
     assert 'joint_stiffness' in names
@@ -282,7 +281,7 @@ def test_where_most_is_left_no_change_is_said_to_be_ruled_out(rng):
         odd = 6.0 * np.sin(2.0 * np.pi * 0.9 * time + phase)
         effort = joints.effort + odd[:, None]
         records.append(replace(record, joints=replace(joints, effort=effort)))
-    found = conclude_changes(compare(records[:1], records[1:], robot))
+    found = compare(records[:1], records[1:], robot)
     assert (found.verdict, found.changes, found.unjudged) == ('unchanged', (), ('pivot',))
     assert found.left['pivot'] > 2.0
     assert 'none is ruled out. Of pivot over 20% of the torques squared' in found.sentence
@@ -294,11 +293,11 @@ def test_friction_changes_by_some_of_it_not_by_some_of_the_weight(rng):
     own = {'base': 'fixed', 'gravity': [0.0, 0.0, -9.81], 'joints': ['pivot']}
     robot = build_robot(parse_settings({'robot': own}), PENDULUM)
     before, same, rough = (swings(rng, 0.0, 1.0, friction=f) for f in (0.2, 0.2, 0.5))
-    found = conclude_changes(compare([before], [same], robot))
+    found = compare([before], [same], robot)
     assert found.verdict == 'unchanged'
     seen = {d.effect: d.value for d in found.detectable if d.where == 'pivot'}
     assert seen['joint_coulomb_friction'] < 0.3
-    (change,) = conclude_changes(compare([before], [rough], robot)).changes
+    (change,) = compare([before], [rough], robot).changes
     assert change.effect == 'joint_coulomb_friction'
     value = change.parameters['torque']
     assert abs(value.value - 0.3) < 3.0 * value.std < 0.3
@@ -363,7 +362,7 @@ def test_a_spring_of_a_kuka_is_no_body(tmp_path):
     effort = after.joints.effort.copy()
     effort[:, 1] -= 5.0 * after.joints.position[:, 1]
     added = replace(after, joints=replace(after.joints, effort=effort))
-    found = compare([before], [added], file.robot, file.effects).selection
+    found = changes_between([before], [added], file.robot, file.effects).selection
     names = {found.rows.candidates[i].kind.id for i in found.chosen}
     assert names <= {'joint_stiffness'}  # twice the limit of the rows; its parts say less
 
@@ -379,7 +378,7 @@ def test_halves_of_one_run_of_a_kuka(tmp_path, number, order):
     first, last = run.span
     halves = [run.between(first, 0.5 * (first + last)), run.between(0.5 * (first + last), last)]
     before, after = halves[::order]
-    found = conclude_changes(compare([before], [after], file.robot, file.effects))
+    found = compare([before], [after], file.robot, file.effects)
     assert (found.verdict, found.changes) == ('unchanged', ())
 
 
@@ -406,7 +405,7 @@ def test_a_known_change_added_to_a_run_of_a_kuka(tmp_path, kind, where, size):
     is_spring = kind == 'joint_stiffness'
     effort[:, j] += size * (angle - angle.mean() if is_spring else np.tanh(rate / 0.01))
     after = replace(after, joints=replace(after.joints, effort=effort))
-    (change,) = conclude_changes(compare([before], [after], file.robot, file.effects)).changes
+    (change,) = compare([before], [after], file.robot, file.effects).changes
     assert (change.effect, change.where) == (kind, where)
     value = change.parameters['stiffness' if is_spring else 'torque']
     assert abs(value.value - size) < 3.0 * value.std < size

@@ -15,7 +15,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section
-from spacerobot_ros.diagnosis.comparison.compare import compare
+from spacerobot_ros.diagnosis.comparison.compare import changes_between
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.score_on import score_on
 from spacerobot_ros.effects.catalogue import bind_effects
@@ -309,7 +309,7 @@ def test_a_pole_on_a_driven_cart():
 
 def test_what_changed_where_no_torque_is_measured(swung):
     """Of its own other run nothing, although a factor of everything would fit both."""
-    changes = compare([swung], [wheel_run(12.0, 7, start=0.2)], wheel_robot())
+    changes = changes_between([swung], [wheel_run(12.0, 7, start=0.2)], wheel_robot())
     assert changes.selection.chosen == []
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from spacerobot_ros.diagnosis.comparison.put_on import exchanged, put_on
+from spacerobot_ros.diagnosis.comparison.changes import exchanged, put_on
 from spacerobot_ros.estimation.inference.evidence import Gram
 
 SIZES = np.array([3.0, 0.5, 0.5, 0.5, 0.2, 0.2, 0.2, 0.2, 0.2, 0.2])

@@ -12,7 +12,7 @@ from support.models import AXIS, Part, settings_of, to_urdf
 
 from spacerobot_ros.diagnosis.quality.allan import allan
 from spacerobot_ros.diagnosis.quality.excited import excited
-from spacerobot_ros.diagnosis.quality.quality import quality_of
+from spacerobot_ros.diagnosis.quality.quality import check_record
 from spacerobot_ros.diagnosis.quality.readings import readings
 from spacerobot_ros.diagnosis.quality.sampling import delay_of, discrepancies, samplings
 from spacerobot_ros.effects.robot_file import RobotFile
@@ -107,7 +107,7 @@ def test_joint_rates_that_were_filtered_are_late():
     # first-order low-pass at 0.04 s: a delay of as much for slow motions
     pole = np.exp(-STEP / 0.04)
     slow = lfilter([1.0 - pole], [1.0, -pole], rate - rate[0], axis=0) + rate[0]
-    found = quality_of(Record(joints(time, q, slow)))
+    found = check_record(Record(joints(time, q, slow)))
     (line,) = (line for line in found.findings if 'later' in line)
     assert line.startswith('joint_velocity is 0.0')
     assert found.delays[0].delay == pytest.approx(-0.04 + STEP / 2, rel=0.1)
@@ -122,7 +122,7 @@ def test_rates_of_a_wrong_scale_are_said(rng, scale):
     still = 1e-4 * rng.standard_normal(len(time))
     q = np.column_stack([turned + 1e-4 * rng.standard_normal(len(time)), still])
     qd = np.column_stack([rate, 0.01 * rng.standard_normal(len(time))])
-    found = [f for f in quality_of(Record(joints=joints(time, q, qd))).findings if 'as far' in f]
+    found = [f for f in check_record(Record(joints=joints(time, q, qd))).findings if 'as far' in f]
     assert len(found) == (scale != 1.0)
     if found:
         assert found[0].startswith('joint_velocity/joint_1: the positions go ')
@@ -174,7 +174,7 @@ def test_unknowns_of_a_joint_at_rest_are_not_seen(rng):
         assert one.status == 'told'
         # noise of the sensors alone would leave 5e-3 / (rate's rms ~ 1.2 * sqrt(2000)) = 9e-5
         assert 5e-5 < one.alone < 0.02
-    quality = quality_of(swung(rng, [1.0, 0.0]), file)
+    quality = check_record(swung(rng, [1.0, 0.0]), file)
     assert [line for line in quality.findings if 'none of its effects' in line] == [
         'j_second: the motion shows none of its effects'
     ]
@@ -183,7 +183,7 @@ def test_unknowns_of_a_joint_at_rest_are_not_seen(rng):
 def test_faults_are_named_and_leave_no_excitation(rng):
     record = swung(rng, [1.0, 1.0])
     wrong = replace(record.joints, velocity=np.degrees(record.joints.velocity))
-    quality = quality_of(replace(record, joints=wrong), arm())
+    quality = check_record(replace(record, joints=wrong), arm())
     assert 'degrees instead of radians' in quality.findings[0]
     assert quality.excitation is None
     assert quality.to_json()['excitation_not_computed'] == 'the data are faulty'
@@ -195,7 +195,7 @@ def test_noise_is_held_against_what_is_stated(rng):
     robot = replace(file.robot, sensors=sensors)
     record = swung(rng, [1.0, 1.0])
     noisy = record.joints.velocity + 1e-3 * rng.standard_normal(record.joints.velocity.shape)
-    quality = quality_of(
+    quality = check_record(
         replace(record, joints=replace(record.joints, velocity=noisy)), replace(file, robot=robot)
     )
     assert (

@@ -11,8 +11,6 @@ import pytest
 from spacerobot_ros.diagnosis.answer.cause import Estimated
 from spacerobot_ros.diagnosis.answer.result import Leftover
 from spacerobot_ros.diagnosis.arms.arm_verdict import Left, full_scale, sentence
-from spacerobot_ros.diagnosis.arms.driving_notes import braking, driving_notes
-from spacerobot_ros.diagnosis.arms.gain_notes import gain_of
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.events.contact import Pulse, event_of
 from spacerobot_ros.diagnosis.events.rest import rest_events
@@ -172,33 +170,3 @@ def test_full_scale_is_the_limit_where_that_is_no_mere_number(robot, limit, scal
     )
     balance = SimpleNamespace(arm=SimpleNamespace(effort=effort))
     np.testing.assert_allclose(full_scale(arm, [balance]), [900.0, 50.0, scale])
-
-
-def test_a_gain_without_a_name_is_said(robot, rng):
-    """Of the lift; noise of 0.05 N of 80."""
-    gain, share = gain_of([balance_of(record_of(robot, rng, 20.0, gain=1.25), robot, ())], 0)
-    assert gain == pytest.approx(1.25, rel=1e-3)
-    assert share > 0.99
-
-
-@pytest.mark.parametrize(('friction', 'inertia', 'share'), [(2, 1, 1), (-2, 1, -1), (0, 3, 0)])
-def test_efforts_that_drive_where_friction_would_brake_are_said(
-    robot, rng, friction, inertia, share
-):
-    """Friction of the table, 2 N m, its sign turned, and three times its inertia."""
-    record = record_of(robot, rng, 20.0)
-    effort, rate = record.effort.copy(), np.gradient(record.q[:, 1], record.joint_time)
-    bend = np.gradient(rate, record.joint_time)
-    effort[:, 1] += friction * np.sign(rate) + 0.01 * (inertia - 1) * bend
-    balance = balance_of(replace(record, joints=replace(record.joints, effort=effort)), robot, ())
-    assert braking([balance])[1] == pytest.approx(share, abs=0.1)
-    found = SimpleNamespace(fit=SimpleNamespace(rows=SimpleNamespace(balances=[balance])))
-    found.robot = robot
-    notes = driving_notes(found, SimpleNamespace(unusual=[1]))
-    assert [note.partition(':')[0] for note in notes] == ['turn'] * (share < 0)
-
-
-def test_torques_that_have_nothing_to_do_with_the_model_are_of_no_scale(robot, rng):
-    """Ten of a thousand newtons were "measured 0.0009 times as large as they are"."""
-    _, share = gain_of([balance_of(record_of(robot, rng, 20.0, gain=0.0), robot, ())], 0)
-    assert share < 0.1

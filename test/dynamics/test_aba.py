@@ -10,8 +10,8 @@ from support.models import DUAL_ARM, random_tree, robot_of
 from support.states import random_state
 
 from spacerobot_ros.dynamics.equations import Dynamics
+from spacerobot_ros.dynamics.pinocchio_model import in_pinocchio
 from spacerobot_ros.dynamics.rotation import rotation_matrix
-from validation.pinocchio_peer import peer
 
 WHEELS = {
     'servicer_wheels': {'momentum': [25.0, 27.0, 28.0]},
@@ -31,9 +31,9 @@ CASES = {
 
 def pinocchio_rate(robot, x, tau, wrench, joint_reaction):
     """Pinocchio's articulated-body algorithm with -omega x h on every body that carries wheels."""
-    model, n = peer(robot).model, robot.n_joints
+    model, n = in_pinocchio(robot).model, robot.n_joints
     data, base = model.createData(), 6 if robot.is_free else 0
-    joints = peer(robot).velocity_indices
+    joints = in_pinocchio(robot).velocity_indices
     q, v, force = np.zeros(model.nq), np.zeros(model.nv), np.zeros(model.nv)
     q[joints + (base and 7)], v[joints + base], force[joints + base] = (
         x[7 : 7 + n],
@@ -46,9 +46,9 @@ def pinocchio_rate(robot, x, tau, wrench, joint_reaction):
     pin.forwardKinematics(model, data, q, v)
     external = pin.StdVec_Force([pin.Force.Zero() for _ in range(model.njoints)])
     for g in robot.gyrostats:
-        joint = peer(robot).joint_ids[g.body]
+        joint = in_pinocchio(robot).joint_ids[g.body]
         torque = -np.cross(data.v[joint].angular, g.body_momentum)
-        carrier = joint if joint_reaction else peer(robot).joint_ids[0]
+        carrier = joint if joint_reaction else in_pinocchio(robot).joint_ids[0]
         turn = data.oMi[carrier].rotation.T @ data.oMi[joint].rotation
         external[carrier] += pin.Force(np.zeros(3), turn @ torque)
     a = pin.aba(model, data, q, v, force, external)

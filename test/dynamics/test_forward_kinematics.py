@@ -7,11 +7,11 @@ import pinocchio as pin
 import pytest
 from support.effects import motion_of
 from support.models import DUAL_ARM, random_tree, robot_of
-from support.pinocchio_states import pin_acceleration, pin_columns, pin_states, wheel_torques
+from support.pinocchio_states import pin_acceleration, pin_states, wheel_torques
 
+from spacerobot_ros.dynamics.pinocchio_model import in_pinocchio
 from spacerobot_ros.dynamics.tree import difference, is_empty, tree_of
 from spacerobot_ros.estimation.unknowns.response import InverseDynamics, needed
-from validation.pinocchio_peer import peer
 
 WHEELS = {
     'servicer_wheels': {'momentum': [25.0, 27.0, 28.0]},
@@ -59,9 +59,9 @@ def close(got, expected):
 
 def test_kinematics_equal_pinocchio(robot, rng):
     motion = moving(robot, rng)
-    model, data = peer(robot).model, peer(robot).model.createData()
+    model, data = in_pinocchio(robot).model, in_pinocchio(robot).model.createData()
     wrenches = rng.standard_normal((2, COUNT, 3))
-    for body, joint in zip(robot.bodies, peer(robot).joint_ids, strict=True):
+    for body, joint in zip(robot.bodies, in_pinocchio(robot).joint_ids, strict=True):
         if not joint:
             continue
         forces = motion.wrench(body.name, *wrenches)
@@ -77,7 +77,8 @@ def test_kinematics_equal_pinocchio(robot, rng):
             pin.computeJointJacobians(model, data, q)
             J = pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.LOCAL)
             expected = np.zeros(6 + robot.n_joints)
-            expected[pin_columns(robot)] = J.reshape(6, -1).T @ np.concatenate(wrenches[:, k])
+            wrench = np.concatenate(wrenches[:, k])
+            expected[in_pinocchio(robot).columns] = J.reshape(6, -1).T @ wrench
             close(forces[k], expected)
 
 
@@ -96,7 +97,8 @@ def test_a_new_acceleration_is_not_answered_with_the_old_one(robot, rng):
 
 def needed_by_pinocchio(robot, motion):
     """(N, 6 + n) recursive Newton-Euler, a call a state."""
-    model, data, columns = peer(robot).model, peer(robot).model.createData(), pin_columns(robot)
+    model, columns = in_pinocchio(robot).model, in_pinocchio(robot).columns
+    data = model.createData()
     out = motion.zeros()
     for k, (q, v) in enumerate(pin_states(motion)):
         external = wheel_torques(robot, q, v)

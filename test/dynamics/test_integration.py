@@ -24,10 +24,9 @@ from support.states import random_state
 
 from spacerobot_ros.control.joint_reference import build_reference
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.integrate import hold_step, rk_step
+from spacerobot_ros.dynamics.integrate import DOP853, RK4, hold_step, rk_step
 from spacerobot_ros.dynamics.smooth_motion import simulate_smooth
 from spacerobot_ros.dynamics.state import State
-from spacerobot_ros.dynamics.tableaus import DOP853, RK4
 from spacerobot_ros.errors import SimulationDivergedError
 from spacerobot_ros.model.motion_settings import ReferenceSettings
 from spacerobot_ros.model.settings import SimulatorSettings
@@ -215,6 +214,18 @@ def test_a_held_step_is_the_general_step_of_order_8(make, rng):
         y = rk_step(lambda t, z: dynamics.rate(z, tau, wrench), 0.0, y, 0.01)
         y[3:7] /= np.linalg.norm(y[3:7])
     np.testing.assert_allclose(held, y, rtol=1e-14, atol=1e-13)  # wheels turn at 500 rad/s
+
+
+@pytest.mark.parametrize('tableau', [RK4, DOP853], ids=['rk4', 'rk8'])
+def test_a_step_of_many_is_the_step_of_each(tableau, rng):
+    x = rng.standard_normal((2, 3, 5))
+
+    def rate(t, y):
+        return t * y - y * y
+
+    many = rk_step(rate, 0.3, x, 0.1, tableau)
+    for index in np.ndindex(2, 3):
+        np.testing.assert_array_equal(rk_step(rate, 0.3, x[index], 0.1, tableau), many[index])
 
 
 def test_the_coefficients_are_scipys():

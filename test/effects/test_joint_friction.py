@@ -10,8 +10,8 @@ from support.effects import PERIOD, Engine, motion_of, plant_with
 from support.models import random_tree, robot_of, to_mjcf
 from support.states import random_state
 
+from spacerobot_ros.dynamics.integrate import TABLEAUS
 from spacerobot_ros.dynamics.state import State
-from spacerobot_ros.dynamics.tableaus import TABLEAUS
 from spacerobot_ros.effects.catalogue import bind_effect
 from spacerobot_ros.effects.joint import STICTION_RATE
 from spacerobot_ros.errors import ConfigurationError

@@ -12,8 +12,8 @@ from support.models import random_tree, robot_of
 
 from spacerobot_ros.control.computed_torque import FeedForward
 from spacerobot_ros.control.joint_reference import Setpoint
+from spacerobot_ros.dynamics.integrate import TABLEAUS
 from spacerobot_ros.dynamics.state import State
-from spacerobot_ros.dynamics.tableaus import TABLEAUS
 from spacerobot_ros.effects.catalogue import bind_effects
 from spacerobot_ros.effects.joint import STICTION_RATE
 from spacerobot_ros.effects.laws.grammar import FORMS, unit_of

@@ -27,8 +27,8 @@ from support.models import (
     wheel_joints,
     with_wheels,
 )
-from support.pinocchio_states import pin_columns
 
+from spacerobot_ros.dynamics.pinocchio_model import in_pinocchio
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.catalogue import bind_effect, bind_effects, changed_robot
 from spacerobot_ros.effects.wheels.rotors import transverse
@@ -37,7 +37,6 @@ from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.simulation.plant import Plant
 from spacerobot_ros.simulation.truth import true_robot
-from validation.pinocchio_peer import peer
 
 SECONDS = 2.0
 SAME = 1e-9  # MuJoCo's RK4 at 1 ms and ours of order 8 at 10 ms: both below 1e-10 here
@@ -152,12 +151,12 @@ def rotor_plant(substeps=4, **effects):
 def link_rate(plant, body):
     """(3,) angular velocity of a body in its own frame, by Pinocchio."""
     robot, state = plant.robot, plant.state
-    model, data = peer(robot).model, peer(robot).model.createData()
+    model, data = in_pinocchio(robot).model, in_pinocchio(robot).model.createData()
     q = pin.neutral(model)
-    q[7 + peer(robot).velocity_indices] = state.q
+    q[7 + in_pinocchio(robot).velocity_indices] = state.q
     rates = np.concatenate([state.v_WB_B, state.omega_WB_B, state.qd])
-    pin.forwardKinematics(model, data, q, rates[pin_columns(robot)])
-    return data.v[peer(robot).joint_ids[body]].angular.copy()
+    pin.forwardKinematics(model, data, q, rates[in_pinocchio(robot).columns])
+    return data.v[in_pinocchio(robot).joint_ids[body]].angular.copy()
 
 
 def test_free_rotors_are_the_true_rotors_of_a_finer_model():

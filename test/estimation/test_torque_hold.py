@@ -111,7 +111,7 @@ def error_in_std(**settings):
     """Largest error of the wheel momentum in standard deviations of the stated noise."""
     file, record = closed_loop()
     identifier = replace(file.settings.identifier, **settings)
-    estimate = identify(record, file.robot, identifier)
+    estimate = identify(record, file.robot, identifier).estimate
     error = estimate.aam - np.array(file.settings.truth.target_momentum)
     return np.max(np.abs(error) / estimate.std[:3]), estimate
 

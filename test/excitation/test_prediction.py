@@ -55,7 +55,7 @@ def test_identify_is_as_sure_as_predicted(which):
     problem = Problem(file)
     _, x = problem.starting_motion(1)
     prediction = predicted(problem, x)
-    estimate = identify(noisy_record(problem, x, 0), file.robot, file.settings.identifier)
+    estimate = identify(noisy_record(problem, x, 0), file.robot, file.settings.identifier).estimate
     n = prediction.n_aam
     assert estimate.parameter_names == prediction.names[n:]
     # linear about the estimate instead of the truth; the factor found scatters, too
@@ -80,7 +80,9 @@ def test_monte_carlo_confirms_the_prediction():
     believed = file.robot.with_target_momentum(np.zeros(3))
     errors = []
     for seed in SEEDS:
-        estimate = identify(noisy_record(problem, x, seed), believed, file.settings.identifier)
+        estimate = identify(
+            noisy_record(problem, x, seed), believed, file.settings.identifier
+        ).estimate
         errors.append(estimate.aam - prediction.values[:3])
     covariance = prediction.covariance[:3, :3]
     white = np.linalg.solve(np.linalg.cholesky(covariance), np.array(errors).T)

@@ -97,7 +97,7 @@ def check_honest(estimate, h=H):
 @arms
 def test_the_wheel_momentum_is_told(name):
     file, record = flown(name)
-    estimate = identify(record, file.robot, SETTINGS)
+    estimate = identify(record, file.robot, SETTINGS).estimate
     check_honest(estimate)
     assert np.linalg.norm(estimate.aam - H) < 0.02 * np.linalg.norm(H)
     assert estimate.sources[:3] == ('data',) * 3
@@ -107,7 +107,7 @@ def test_the_wheel_momentum_is_told(name):
 
 def test_what_only_the_file_tells_is_said_in_few_words():
     file, record = flown('seven joints')
-    estimate = identify(record, file.robot, SETTINGS)
+    estimate = identify(record, file.robot, SETTINGS).estimate
     assert 'file' in estimate.sources[3:]
     links = {body.name for body in file.robot.bodies}
     for line in estimate.unexcited:
@@ -120,7 +120,7 @@ def test_what_only_the_file_tells_is_said_in_few_words():
 @pytest.mark.parametrize('seed', range(4))
 def test_a_file_that_is_surer_than_it_may_be_is_found_out(name, seed):
     file, record = flown(name)
-    estimate = identify(record, off(file.robot, 0.3, seed), SETTINGS)
+    estimate = identify(record, off(file.robot, 0.3, seed), SETTINGS).estimate
     check_honest(estimate)
     assert 1.5 < estimate.prior_factor < 5.0
     listed = [note for note in estimate.notes if note.startswith('the file is contradicted: ')]
@@ -135,7 +135,7 @@ def test_a_file_that_is_surer_than_it_may_be_is_found_out(name, seed):
 @arms
 def test_wheels_at_rest_are_found_at_rest(name):
     file, record = flown(name, **{'truth.target_momentum': (0.0, 0.0, 0.0)})
-    estimate = identify(record, file.robot, SETTINGS)
+    estimate = identify(record, file.robot, SETTINGS).estimate
     check_honest(estimate, np.zeros(3))
     assert any(note.startswith('wheel momentum: none, within +- ') for note in estimate.notes)
 
@@ -146,7 +146,7 @@ def test_joints_at_rest_do_not_tell_it(name):
     count = len(file.settings.reference.sine)
     still = {f'reference.{part}': (0.0,) * count for part in ('sine', 'cosine')}
     file, record = flown(name, **still, **{'initial.angular_velocity': (0.0, 0.0, 0.0)})
-    estimate = identify(record, file.robot, SETTINGS)
+    estimate = identify(record, file.robot, SETTINGS).estimate
     estimate.check()
     assert not estimate.valid
     assert 'wheel momentum is known to' in estimate.reason
@@ -162,17 +162,17 @@ def test_least_squares_are_for_joints_that_turn(name):
             identify(record, file.robot, SETTINGS, 'ls')
         assert '\n' not in str(refusal.value)
     else:
-        assert not identify(record, file.robot, SETTINGS, 'ls').valid  # 136 numbers
+        assert not identify(record, file.robot, SETTINGS, 'ls').estimate.valid  # 136 numbers
 
 
 @arms
 @pytest.mark.parametrize('until', [11.0, 12.5, 14.0])
 def test_the_recursion_ends_where_the_batch_ends(name, until):
     file, record = flown(name)
-    online = identify(record.between(-1.0, until), file.robot, SETTINGS, 'recursive')
+    online = identify(record.between(-1.0, until), file.robot, SETTINGS, 'recursive').estimate
     end = (online.stamp_ns - record.origin_ns) * 1e-9
     assert end == pytest.approx(until - 0.5, abs=0.02)
-    batch = identify(record.between(-1.0, end), file.robot, SETTINGS)
+    batch = identify(record.between(-1.0, end), file.robot, SETTINGS).estimate
     assert np.max(np.abs(online.aam - batch.aam) / batch.std[:3]) < 0.1
     np.testing.assert_allclose(online.std[:3], batch.std[:3], rtol=0.03, atol=0)
 
@@ -188,7 +188,7 @@ def test_swapped_encoders_are_no_estimate(name, pair):
     swapped = replace(
         joints, position=joints.position[:, order], velocity=joints.velocity[:, order]
     )
-    estimate = identify(replace(record, joints=swapped), file.robot, SETTINGS)
+    estimate = identify(replace(record, joints=swapped), file.robot, SETTINGS).estimate
     assert not estimate.valid
 
 
@@ -200,7 +200,7 @@ def test_a_file_of_another_robot_is_said(name, factor):
     factors = np.ones(len(file.robot.bodies))
     factors[-1] = factor
     pi = file.robot.inertial_parameters * factors[:, None]
-    estimate = identify(record, file.robot.with_inertial_parameters(pi), SETTINGS)
+    estimate = identify(record, file.robot.with_inertial_parameters(pi), SETTINGS).estimate
     assert any(note.startswith('the file is contradicted: ') for note in estimate.notes)
     assert estimate.prior_factor > 1.5
     if estimate.valid:  # found all the same

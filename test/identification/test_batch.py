@@ -36,7 +36,7 @@ def record(run):
 
 @pytest.mark.parametrize('method', METHODS)
 def test_every_method_names_itself_and_fills_the_result(method, run, record):
-    estimate = identify(record, servicer(), SETTINGS, method)
+    estimate = identify(record, servicer(), SETTINGS, method).estimate
     estimate.check()
     assert estimate.method == method
     assert estimate.aam_links == ('link_3',)
@@ -55,7 +55,9 @@ def test_accuracy_of_the_methods(run, record):
     # Plain least squares is far off at this noise, maximum likelihood is not.
     errors = {}
     for method in METHODS:
-        error, std = errors_of(identify(record, servicer(), SETTINGS, method), truth_of(run))
+        error, std = errors_of(
+            identify(record, servicer(), SETTINGS, method).estimate, truth_of(run)
+        )
         errors[method] = np.max(np.abs(error[3:6]))
         if method != 'ls':
             assert np.max(np.abs(error / std)) <= 4.0
@@ -65,13 +67,13 @@ def test_accuracy_of_the_methods(run, record):
 
 
 def test_the_default_is_maximum_likelihood(record):
-    assert identify(record, servicer(), SETTINGS).method == 'ml'
+    assert identify(record, servicer(), SETTINGS).estimate.method == 'ml'
 
 
 @pytest.mark.parametrize('method', METHODS)
 def test_data_without_noise(method, run):
     record = measure(run, 0, scale=0.0, attitude_every=1)
-    estimate = identify(record, servicer(sensors=SILENT), SETTINGS, method)
+    estimate = identify(record, servicer(sensors=SILENT), SETTINGS, method).estimate
     error, _ = errors_of(estimate, truth_of(run))
     assert np.max(np.abs(error[3:6])) < 1e-4
     assert np.max(np.abs(error[6:])) < 1e-2  # of 5000 kg m^2
@@ -79,13 +81,15 @@ def test_data_without_noise(method, run):
 
 def test_same_record_same_bits(record):
     # of two robots, so that nothing that was found of the first serves the second
-    a, b = (identify(record, replace(servicer()), SETTINGS) for _ in range(2))
+    a, b = (identify(record, replace(servicer()), SETTINGS).estimate for _ in range(2))
     np.testing.assert_array_equal(a.aam, b.aam)
     np.testing.assert_array_equal(a.covariance, b.covariance)
 
 
 def test_notes_of_the_record_are_handed_on(record):
-    estimate = identify(replace(record, notes=('two messages dropped',)), servicer(), SETTINGS)
+    estimate = identify(
+        replace(record, notes=('two messages dropped',)), servicer(), SETTINGS
+    ).estimate
     assert 'two messages dropped' in estimate.notes
 
 
@@ -154,7 +158,7 @@ def with_bad_samples(record, rng, size):
 
 def test_bad_samples_are_left_out_where_the_model_does_not_explain_them(run, record, rng):
     bad = with_bad_samples(record, rng, lambda n: 10.0 ** rng.uniform(1.5, 6.0, n))
-    good, found = (identify(r, servicer(), SETTINGS) for r in (record, bad))
+    good, found = (identify(r, servicer(), SETTINGS).estimate for r in (record, bad))
     assert found.valid
     assert 'left out, as they contradict their neighbours' in ''.join(found.notes)
     assert good.notes == record.notes or 'left out' not in ''.join(good.notes)

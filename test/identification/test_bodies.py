@@ -11,7 +11,7 @@ from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.estimation.unknowns.body_coordinates import BodyCoordinates
-from spacerobot_ros.identification.batch import identify, identify_robot
+from spacerobot_ros.identification.batch import identify
 from spacerobot_ros.model.rigid_body import check_inertia
 from spacerobot_ros.model.settings import IdentifierSettings
 from spacerobot_ros.model.writer import urdf_text, write_robot_file
@@ -33,7 +33,7 @@ def believed():
 
 @pytest.fixture(scope='module')
 def found(run, believed):
-    return identify_robot(measure(run, 3), believed, GENERIC)
+    return identify(measure(run, 3), believed, GENERIC)
 
 
 def test_bodies_are_physical(found):
@@ -57,7 +57,7 @@ def test_wrong_structure_is_reported_not_averaged_away():
     symmetric = replace(GENERIC, structure='symmetric')
     data = measure(simulate('zyx', 20.0), 3)
     rolled = changed(data, q=data.q[:, [0, 2, 1]], qd=data.qd[:, [0, 2, 1]])
-    estimate = identify(rolled, servicer('zyx'), symmetric)
+    estimate = identify(rolled, servicer('zyx'), symmetric).estimate
     assert not estimate.valid
 
 

@@ -103,7 +103,9 @@ def test_noise_biases_the_estimate_and_maximum_likelihood_is_free_of_it():
     for seed in range(8):
         record = measure(run, seed, scale, attitude_every=1)
         for method, found in errors.items():
-            found.append(errors_of(identify(record, robot, SETTINGS, method), truth)[0][3:])
+            found.append(
+                errors_of(identify(record, robot, SETTINGS, method).estimate, truth)[0][3:]
+            )
     for method, found in errors.items():
         bias = np.abs(np.mean(found, axis=0))
         rmse = np.sqrt(np.mean(np.square(found), axis=0))
@@ -120,10 +122,10 @@ def test_noise_biases_the_estimate_and_maximum_likelihood_is_free_of_it():
 def test_residual_beyond_the_noise_shows():
     run = simulate('zyx', 20.0)
     record = measure(run, 1, attitude_every=1)
-    good = identify(record, servicer('zyx'), SETTINGS, 'ls')
+    good = identify(record, servicer('zyx'), SETTINGS, 'ls').estimate
     assert good.chi2_per_dof == pytest.approx(1.0, abs=0.25)
     noisy = measure(run, 1, scale=3.0, attitude_every=1)
-    bad = identify(noisy, servicer('zyx'), SETTINGS, 'ls')
+    bad = identify(noisy, servicer('zyx'), SETTINGS, 'ls').estimate
     assert bad.chi2_per_dof > 5.0
 
 

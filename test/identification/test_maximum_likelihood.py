@@ -34,7 +34,7 @@ def runs():
         axes = ('zyx', 'xyy')[seed % 2]
         run = simulate(axes, 20.0)
         robot = servicer(axes, prior=WRONG)
-        estimate = identify(measure(run, seed), robot, SETTINGS)
+        estimate = identify(measure(run, seed), robot, SETTINGS).estimate
         out.append((*errors_of(estimate, truth_of(run)), estimate))
     return out
 
@@ -85,7 +85,7 @@ def test_estimates_are_valid_complete_and_self_consistent(runs):
 @pytest.mark.parametrize('axes', ['zyx', 'xyy'])
 def test_a_minute_of_data(axes):
     run = simulate(axes, 60.0)
-    estimate = identify(measure(run, 100), servicer(axes, prior=WRONG), SETTINGS)
+    estimate = identify(measure(run, 100), servicer(axes, prior=WRONG), SETTINGS).estimate
     error, std = errors_of(estimate, truth_of(run))
     assert np.max(np.abs(error / std)) <= 4.0
     assert np.max(np.abs(error[3:6])) <= 4e-4 * H
@@ -96,7 +96,7 @@ def test_a_minute_of_data(axes):
 def test_data_without_noise_are_recovered(axes):
     run = simulate(axes, 20.0)
     robot = servicer(axes, SILENT, prior=WRONG)
-    estimate = identify(measure(run, 0, scale=0.0), robot, SETTINGS)
+    estimate = identify(measure(run, 0, scale=0.0), robot, SETTINGS).estimate
     error, _ = errors_of(estimate, truth_of(run))
     truth = truth_of(run)
     for part in (slice(0, 3), slice(3, 6), slice(6, None)):
@@ -107,8 +107,8 @@ def test_data_without_noise_are_recovered(axes):
 def test_noise_levels_that_are_not_stated_are_estimated_and_said():
     run = simulate('zyx', 20.0)
     record = measure(run, 1)
-    stated = identify(record, servicer('zyx', prior=WRONG), SETTINGS)
-    silent = identify(record, servicer('zyx', SILENT, prior=WRONG), SETTINGS)
+    stated = identify(record, servicer('zyx', prior=WRONG), SETTINGS).estimate
+    silent = identify(record, servicer('zyx', SILENT, prior=WRONG), SETTINGS).estimate
     said = [note for note in silent.notes if 'is not stated' in note]
     assert [note.split()[0] for note in said] == list(STDS)
     assert not any('is not stated' in note for note in stated.notes)
@@ -123,7 +123,8 @@ def test_a_wrong_prior_costs_little():
     run = simulate('zyx', 20.0)
     record = measure(run, 2)
     right, heavy, light = (
-        identify(record, servicer('zyx', prior=prior), SETTINGS) for prior in (1.0, 1.5, 1.0 / 1.5)
+        identify(record, servicer('zyx', prior=prior), SETTINGS).estimate
+        for prior in (1.0, 1.5, 1.0 / 1.5)
     )
     assert right.prior_factor < 0.2
     for other in (heavy, light):
@@ -147,7 +148,7 @@ def test_a_wrong_prior_costs_little():
 )
 def test_sensors_at_other_rates(rates):
     run = simulate('zyx', 20.0)
-    estimate = identify(measure(run, 4, **rates), servicer('zyx', prior=WRONG), SETTINGS)
+    estimate = identify(measure(run, 4, **rates), servicer('zyx', prior=WRONG), SETTINGS).estimate
     error, std = errors_of(estimate, truth_of(run))
     assert np.max(np.abs(error / std)) <= 4.0
     assert np.max(np.abs(error[3:6])) <= 1.5e-3 * H
@@ -158,11 +159,11 @@ def test_joint_rates_need_not_be_measured():
     run = simulate('xyy', 20.0)
     data = measure(run, 5)
     encoders = changed(data, qd=None)
-    estimate = identify(encoders, servicer('xyy', prior=WRONG), SETTINGS)
+    estimate = identify(encoders, servicer('xyy', prior=WRONG), SETTINGS).estimate
     error, std = errors_of(estimate, truth_of(run))
     assert np.max(np.abs(error / std)) <= 4.0
     # no more than a tenth worse than with them
-    with_rates = identify(data, servicer('xyy', prior=WRONG), SETTINGS)
+    with_rates = identify(data, servicer('xyy', prior=WRONG), SETTINGS).estimate
     assert np.max(std[3:6]) <= 1.1 * np.max(with_rates.std[:3])
 
 
@@ -171,16 +172,16 @@ def test_errors_scale_with_the_noise(scale):
     run = simulate('zyx', 20.0)
     sensors = SensorSettings(**{name: scale * std for name, std in STDS.items()})
     robot = servicer('zyx', sensors, prior=WRONG)
-    estimate = identify(measure(run, 6, scale), robot, SETTINGS)
+    estimate = identify(measure(run, 6, scale), robot, SETTINGS).estimate
     error, std = errors_of(estimate, truth_of(run))
     assert np.max(np.abs(error / std)) <= 4.0
-    nominal = identify(measure(run, 6), servicer('zyx', prior=WRONG), SETTINGS)
+    nominal = identify(measure(run, 6), servicer('zyx', prior=WRONG), SETTINGS).estimate
     np.testing.assert_allclose(estimate.std[:3], scale * nominal.std[:3], rtol=0.25, atol=0)
 
 
 def test_noise_that_is_larger_than_stated_shows():
     run = simulate('zyx', 20.0)
-    estimate = identify(measure(run, 7, scale=3.0), servicer('zyx'), SETTINGS)
+    estimate = identify(measure(run, 7, scale=3.0), servicer('zyx'), SETTINGS).estimate
     assert not estimate.valid
     # 9 min(z^2, 4): a residual beyond six deviations counts as one of six; splines leave 0.97
     assert estimate.chi2_per_dof == pytest.approx(0.97 * 8.28, rel=0.15)
@@ -190,7 +191,7 @@ def test_noise_that_is_larger_than_stated_shows():
 @pytest.mark.parametrize(('duration', 'seed'), [(20.0, 8), (20.0, 9), (60.0, 8)])
 def test_generic_structure(prior, duration, seed):
     run = simulate('zyx', duration)
-    estimate = identify(measure(run, seed), servicer('zyx', prior=prior), GENERIC)
+    estimate = identify(measure(run, seed), servicer('zyx', prior=prior), GENERIC).estimate
     error, std = errors_of(estimate, truth_of(run, 'generic'))
     assert estimate.valid, estimate.reason
     assert estimate.rank <= 3 + 3 + 45 + 4

@@ -53,7 +53,9 @@ def test_is_the_batch_up_to_its_stamp(prior, apart, until):
     data = measure(simulate('zyx', 30.0), 0)
     settings, robot = IdentifierSettings(structure='symmetric'), servicer('zyx', prior=prior)
     online = feed(OnlineIdentifier(robot, settings), data.between(-1.0, until), 1.0)[-1]
-    batch = identify(data.between(-1.0, (online.stamp_ns - ORIGIN_NS) * 1e-9), robot, settings)
+    batch = identify(
+        data.between(-1.0, (online.stamp_ns - ORIGIN_NS) * 1e-9), robot, settings
+    ).estimate
     assert online.samples == batch.samples == 100 * until - 49
     assert np.max(np.abs(online.aam - batch.aam) / batch.std[:3]) < apart
     np.testing.assert_allclose(online.std[:3], batch.std[:3], rtol=0.05, atol=0)

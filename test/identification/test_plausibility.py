@@ -80,7 +80,7 @@ def test_good_and_resting_data_have_none():
 def test_swapped_columns_are_found_by_momentum(structure, order, pair):
     data = good()
     swapped = changed(data, q=data.q[:, order], qd=data.qd[:, order])
-    estimate = identify(swapped, servicer('zyx'), IdentifierSettings(structure=structure))
+    estimate = identify(swapped, servicer('zyx'), IdentifierSettings(structure=structure)).estimate
     assert not estimate.valid
     assert 'j_link_{} and j_link_{} seem to be swapped'.format(*pair) in estimate.reason
 
@@ -91,7 +91,7 @@ def test_a_fault_is_the_verdict():
         changed(data, omega=data.omega / DEGREE),
         servicer('zyx'),
         IdentifierSettings(structure='symmetric'),
-    )
+    ).estimate
     assert not estimate.valid
     assert 'degrees instead of radians' in estimate.reason
 
@@ -100,6 +100,6 @@ def test_momentum_that_is_not_told_is_no_robot_of_the_file():
     # 47 N m s of the servicer's own wheels that the file believes at rest
     robot = servicer('zyx')
     robot = replace(robot, servicer_wheels=replace(robot.servicer_wheels, momentum=np.zeros(3)))
-    estimate = identify(good(), robot, IdentifierSettings(structure='symmetric'))
+    estimate = identify(good(), robot, IdentifierSettings(structure='symmetric')).estimate
     assert not estimate.valid
     assert any("scale of all numbers is the file's" in note for note in estimate.notes)

@@ -461,7 +461,7 @@ def test_a_folder_changes_when_all_is_written_and_not_before(tmp_path):
 
     def write(error=None):
         with written_whole(out) as work:
-            (work / 'bag').mkdir()
+            (work / 'bag').mkdir(parents=True)
             (work / 'summary').write_text('new')
             if error:
                 raise error

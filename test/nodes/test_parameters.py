@@ -121,6 +121,17 @@ def test_the_uncertainty_of_a_link_is_a_parameter_like_others(rig, servicer, nod
             rig.add(node_type, servicer, **wrong)
 
 
+def test_what_stands_under_free_names_is_a_parameter_like_others(rig, servicer):
+    thruster = {'at': [1.0, 0.0, 0.0], 'direction': [0.0, 1.0, 0.0], 'force': 2.0}
+    given = {f'robot.thrusters.T1.{key}': value for key, value in thruster.items()}
+    given |= {'firings.a.thruster': 'T1', 'firings.a.start': 1.0, 'firings.a.width': 0.3}
+    node = rig.add(SimulatorNode, servicer, **given)
+    for name, value in given.items():
+        told = node.get_parameter(name).value
+        assert (told if isinstance(value, str | float) else list(told)) == value
+    assert node.describe_parameter('firings.a.start').description.startswith('Of commands to a')
+
+
 @pytest.mark.parametrize('node_type', ALL)
 def test_an_old_key_is_read(rig, servicer, node_type):
     node = rig.add(node_type, servicer, **{'identifier.prior_std': 0.4})

@@ -172,4 +172,4 @@ def test_npz_refusals(tmp_path):
     with pytest.raises(RecordingError, match=r"lacks 'rates\.stamp_ns'"):
         load_npz(path)
     with pytest.raises(RecordingError, match='can not be written'):
-        save_npz(record(), tmp_path / 'no' / 'folder.npz')
+        save_npz(record(), path / 'no_folder.npz')

@@ -89,7 +89,6 @@ def answer(question, command):
         calibration=(),
         closed_loop=None,
         why_open=HOSTILE,
-        appearances={},
         command=command,
     )
 

@@ -115,7 +115,7 @@ def test_counts_are_shaded_by_their_row():
 def test_content_is_escaped():
     text = render(report())
     assert 'Loop &amp; &lt;tag&gt;' in text
-    assert 'a &lt; b &amp; &quot;c&quot;' in text
+    assert 'a &lt; b &amp; &#34;c&#34;' in text
     assert 'J&lt;1&gt;' in text
     assert '<tag>' not in text
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import re
 import shlex
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import pytest
 
+import spacerobot_ros
 from spacerobot_ros.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -46,6 +49,18 @@ def test_tutorial(page, tmp_path, monkeypatch, capfd):
     printed = capfd.readouterr().out
     for word in EXPECTED.get(page.stem, ()):
         assert word in printed, word
+
+
+@pytest.mark.tutorial
+def test_the_example_of_the_package(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'config').symlink_to(ROOT / 'config')
+    run('spacerobot simulate --robot config/servicer.yaml -o bag --duration 8')
+    _, _, example = inspect.getdoc(spacerobot_ros).partition('\n\n    ')
+    exec(textwrap.dedent(f'    {example}'), {})
+    assert 'explained The data differ' in capsys.readouterr().out
+    effects = spacerobot_ros.load_robot_file(tmp_path / 'new.yaml').effects
+    assert 'target_wheel_momentum' in {effect.id for effect in effects}
 
 
 def run(line):

@@ -18,7 +18,7 @@ from support.models import (
 )
 from support.states import motion_of, random_state
 
-from spacerobot_ros.dynamics.tableaus import RK4
+from spacerobot_ros.dynamics.integrate import RK4
 from spacerobot_ros.errors import (
     ConfigurationError,
     MessageRejectedError,

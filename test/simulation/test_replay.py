@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import struct
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial.transform import Rotation
 from support.models import AXIS, H_BASE, Part, settings_of, to_urdf
 
@@ -197,7 +199,44 @@ def test_mesh_files(tmp_path):
     with pytest.raises(ConfigurationError, match=r'mesh cut\.stl: is damaged'):
         read_mesh(tmp_path / 'cut.stl')
     with pytest.raises(ConfigurationError, match='convert it'):
-        read_mesh(tmp_path / 'a.dae')
+        read_mesh(tmp_path / 'a.wrl')
+
+
+DAMAGED = {
+    'cut.stl': b'\0' * 80 + struct.pack('<I', 9) + b'\0' * 100,
+    'nan.stl': b'solid a\nfacet\nvertex nan 0 0\nvertex 1 0 0\nvertex 0 1 0\nendfacet',
+    'empty.stl': b'',
+    'alone.obj': b'f 1 2 3\n',
+    'text.obj': b'what is this',
+    'cut.dae': b'<COLLADA',
+    'other.dae': b'<html/>',
+}
+
+
+@pytest.mark.parametrize('name', DAMAGED)
+def test_a_damaged_mesh_is_one_line(tmp_path, name):
+    (tmp_path / name).write_bytes(DAMAGED[name])
+    with pytest.raises(ConfigurationError, match=rf'^mesh {name}: is damaged: [^\n]+$'):
+        read_mesh(tmp_path / name)
+
+
+def test_the_units_of_a_collada_mesh_are_its_own(tmp_path):
+    path = tmp_path / 'box.dae'
+    trimesh.creation.box((1.0, 2.0, 3.0)).export(path)
+    unit = '<unit name="centimeter" meter="0.01"/><up_axis>'
+    path.write_text(path.read_text().replace('<up_axis>', unit))
+    np.testing.assert_allclose(np.ptp(read_mesh(path), axis=(0, 1)), [0.01, 0.02, 0.03])
+
+
+@pytest.mark.parametrize(('mesh', 'missing'), [('plate.stl', 'trimesh'), ('plate.dae', 'collada')])
+def test_without_what_reads_meshes_the_inertia_is_seen(tmp_path, monkeypatch, mesh, missing):
+    monkeypatch.setitem(sys.modules, missing, None)
+    (tmp_path / mesh).write_bytes(b'')
+    urdf = with_visuals(f'<geometry><mesh filename="{mesh}"/></geometry>')
+    shapes, (note,) = shapes_of(robot_file(urdf, tmp_path).robot, tmp_path)
+    remedy = f"{missing} is not installed: pip install 'spacerobot_ros[meshes]'"
+    assert note.startswith(f'mesh {mesh}: {remedy}; the inertia is shown')
+    assert [s.kind for s in shapes[1]] == ['ellipsoid']
 
 
 @pytest.mark.parametrize('inner', ['<xacro:arm/>', '<link name="${prefix}base"/>'])

@@ -9,8 +9,6 @@ accelerations, whose first rows are the momentum.
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -19,22 +17,21 @@ import harness
 import numpy as np
 import pinocchio as pin
 import servicer
-from simulation import machine
+from nodes import options
+from simulation import machine, written
 
 from spacerobot_ros.dynamics.blocks import BlockTree
+from spacerobot_ros.dynamics.pinocchio_model import in_pinocchio
 from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
-from validation.pinocchio_peer import peer
 
 SAMPLES, ROWS, REPEATS = 2000, 3, 7
 
 
 def main() -> int:
     """Measure, print and write."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    output = Path(__file__).resolve().parents[2] / 'out/bench/regressor.json'
-    parser.add_argument('--output', type=Path, default=output)
-    options = parser.parse_args()
+    where = Path(__file__).resolve().parents[2] / 'out/bench/regressor.json'
+    output = options(__doc__, output=where).output
     joints = [f'j_{name}' for name in servicer.JOINTS]
     wheels = {
         'servicer_wheels': {'joints': joints[3:6], 'rates': [0.0] * 3},
@@ -44,7 +41,7 @@ def main() -> int:
     robot = build_robot(parse_settings({'robot': section}), servicer.urdf())
     rng = np.random.default_rng(0)
     q, u = rng.standard_normal((SAMPLES, 3)), rng.standard_normal((SAMPLES, 6))
-    tree, model = BlockTree(robot), peer(robot).model
+    tree, model = BlockTree(robot), in_pinocchio(robot).model
     data, zero = model.createData(), np.zeros(model.nv)
     poses = np.column_stack([np.zeros((SAMPLES, 6)), np.ones(SAMPLES), q])
     rates = np.column_stack([np.zeros((SAMPLES, 3)), u])
@@ -56,13 +53,9 @@ def main() -> int:
         for pose, rate in zip(poses, rates, strict=True):
             pin.computeJointTorqueRegressor(model, data, pose, zero, rate)
 
-    times = {
-        'spacerobot_ros': microseconds_a_row(ours),
-        'Pinocchio': microseconds_a_row(pinocchio),
-    }
-    results = {'machine': machine(), 'microseconds_a_row': times}
-    options.output.parent.mkdir(parents=True, exist_ok=True)
-    options.output.write_text(json.dumps(results, indent=1) + '\n')
+    engines = {'spacerobot_ros': ours, 'Pinocchio': pinocchio}
+    times = {name: microseconds_a_row(batch) for name, batch in engines.items()}
+    written(output, {'machine': machine(), 'microseconds_a_row': times})
     print('momentum regressor, us a sample-row on one core:')
     for engine, value in times.items():
         print(f'{engine:24s}{value:8.2f}')

@@ -8,6 +8,7 @@ perfect on the paper's plant and fails on the correct one.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,9 +16,8 @@ from scipy.optimize import brentq
 
 from spacerobot_ros.control.computed_torque import Model, estimated_model, law_model
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.integrate import rk_step
+from spacerobot_ros.dynamics.integrate import RK4, rk_step
 from spacerobot_ros.dynamics.state import State
-from spacerobot_ros.dynamics.tableaus import RK4
 from spacerobot_ros.errors import IdentificationError
 from spacerobot_ros.identification.estimate import Estimate
 from spacerobot_ros.types import Array
@@ -104,7 +104,7 @@ def _simulate(
         'law': law,
         'bandwidth': bandwidth,
         **dict(zip(paper.TRACKING_ERRORS, largest, strict=True)),
-        'reference': paper.TRACKING_REFERENCE.get((case.axes, plant, law, bandwidth)),
+        'reference': paper.tracking_reference(case.axes, plant, law, bandwidth),
         'history': {
             'time': times,
             'joint_error': error,
@@ -117,11 +117,8 @@ def _simulate(
 
 def _miss(dynamics: Dynamics, x: Array, wanted: Array) -> float:
     actual = State.from_vector(x)
-    desired = State(
-        actual.p_WB, actual.q_WB_xyzw, wanted, actual.v_WB_B, actual.omega_WB_B, actual.qd
+    places = (
+        dynamics.body_position(state, len(wanted), _END_EFFECTOR)
+        for state in (actual, replace(actual, q=wanted))
     )
-    last = len(wanted)
-    gap = dynamics.body_position(actual, last, _END_EFFECTOR) - dynamics.body_position(
-        desired, last, _END_EFFECTOR
-    )
-    return float(np.linalg.norm(gap))
+    return float(np.linalg.norm(np.subtract(*places)))

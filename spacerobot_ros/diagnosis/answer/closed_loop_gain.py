@@ -35,6 +35,15 @@ _MOST = 60_000
 friction on a body that is lighter than its gear needs millions."""
 
 
+@dataclass(frozen=True, slots=True)
+class RmsErrors:
+    """Root mean square error of a joint, with the old and with the extended model."""
+
+    unit: str
+    rms_before: float
+    rms_after: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClosedLoopGain:
     """Tracking error of the same task, controlled with the old and with the extended model.
@@ -42,29 +51,28 @@ class ClosedLoopGain:
     Args:
         task: The motion in words.
         duration: Simulated time of a run [s].
-        joints: Root mean square error of every joint, before and after.
-        units: Of each joint's.
+        joints: Errors of every joint.
     """
 
+    json_too = ('rms_before', 'rms_after', 'ratio', 'unit')
     task: str
     duration: float
-    joints: Mapping[str, tuple[float, float]]
-    units: Mapping[str, str]
+    joints: Mapping[str, RmsErrors]
 
     @property
     def unit(self) -> str:
         """Of what is said of all joints."""
-        return either(self.units.values())
+        return either(own.unit for own in self.joints.values())
 
     @property
     def rms_before(self) -> float:
         """Over all joints, with the old model."""
-        return _rms([before for before, _ in self.joints.values()])
+        return _rms([own.rms_before for own in self.joints.values()])
 
     @property
     def rms_after(self) -> float:
         """Over all joints, with the extended model."""
-        return _rms([after for _, after in self.joints.values()])
+        return _rms([own.rms_after for own in self.joints.values()])
 
     @property
     def ratio(self) -> float:
@@ -100,8 +108,7 @@ def closed_loop_gain(
     return ClosedLoopGain(
         task=_in_words(file),
         duration=_duration(old.reference),
-        joints={joint: (float(b), float(a)) for joint, b, a in pairs},
-        units={joint: file.robot.unit_of('rad', joint) for joint in file.robot.joints},
+        joints={joint: RmsErrors(file.robot.unit_of('rad', joint), b, a) for joint, b, a in pairs},
     ), ''
 
 

@@ -24,7 +24,10 @@ NEVER = 1e12
 
 def named(causes: Iterable[Effect], believed: Sequence[Effect]) -> tuple[Effect, ...]:
     """The causes under names that the robot file does not use yet."""
-    taken = {effect.name for effect in believed}
+    return _under_free_names(causes, {effect.name for effect in believed})
+
+
+def _under_free_names(causes: Iterable[Effect], taken: set[str]) -> tuple[Effect, ...]:
     out = []
     for cause in causes:
         name = _free_name(cause, taken)
@@ -46,7 +49,7 @@ def write_extended_model(template: str | Path, causes: Iterable[Effect], path: s
 
     Args:
         template: The robot file.
-        causes: Effects to add, under free names (`named`).
+        causes: Effects to add; each gets a name that is free.
         path: The YAML to write.
 
     Raises:
@@ -54,7 +57,8 @@ def write_extended_model(template: str | Path, causes: Iterable[Effect], path: s
     """
     template, path = Path(template), Path(path)
     values = plain(read_parameters(template))
-    values['effects'] = {**(values.get('effects') or {}), **effects_section(causes)}
+    own = values.get('effects') or {}
+    values['effects'] = {**own, **effects_section(_under_free_names(causes, set(own)))}
     if not values['effects']:
         del values['effects']
     url = str(values['robot'].get('urdf', ''))

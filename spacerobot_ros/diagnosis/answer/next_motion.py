@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from dataclasses import replace
 
-from .cause import Cause, Rival
+from .cause import Cause
 from .result import Diagnosis
 
 
@@ -27,12 +27,11 @@ def effect_at(effect: str, where: str | None) -> str:
 
 def _with_motions(cause: Cause, robot_file: str) -> Cause:
     own = effect_at(*cause.applied.key)
-    rivals = (replace(rival, motion=_command(own, rival, robot_file)) for rival in cause.rivals)
+    rivals = (
+        replace(rival, motion=_separating(own, effect_at(*rival.key), robot_file))
+        for rival in cause.rivals
+    )
     return replace(cause, rivals=tuple(rivals))
-
-
-def _command(own: str, rival: Rival, robot_file: str) -> str:
-    return _separating(own, effect_at(*rival.key), robot_file)
 
 
 def _separating(own: str, other: str, robot_file: str) -> str:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from ...effects.effect import Effect
+from ...json_values import json_as, json_fields
 from ...types import Array
 from ..events.event import Events
 from .cause import Cause, Estimated, Ranked
@@ -154,9 +155,10 @@ class Gain:
         placebo: Of the best placebo extension of the same size.
     """
 
-    before: float = math.nan
-    after: float = math.nan
-    placebo: float = math.nan
+    json_too = ('ratio',)
+    before: float = json_as('held_out_rmse_before', default=math.nan)
+    after: float = json_as('held_out_rmse_after', default=math.nan)
+    placebo: float = json_as('held_out_rmse_placebo', default=math.nan)
 
     @property
     def ratio(self) -> float:
@@ -196,9 +198,14 @@ class Leftover:
     held_out_gain: float | None = None
     placebo_gain: float | None = None
     other_recording: float | None = None
-    rivals: tuple[LawRival, ...] = ()
-    applied: Effect | None = None
+    rivals: tuple[LawRival, ...] = json_as('indistinguishable_from', default=())
+    applied: Effect | None = json_as('learned', default=None)
     one_speed: bool = False
+
+    def to_json(self) -> dict[str, Any]:
+        """As in diagnosis.json."""
+        learned = None if self.applied is None else self.applied.name
+        return json_fields(self) | {'kind': self.kind or None, 'learned': learned}
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,7 +228,7 @@ class Order:
     amplitude: float
     phase: float
     p_value: float
-    channel: str = ''
+    channel: str = json_as(default='')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -267,7 +274,7 @@ class Diagnosis:
     causes: tuple[Cause, ...] = ()
     minor: tuple[Cause, ...] = ()
     residuals: tuple[Residual, ...] = ()
-    series: tuple[Series, ...] = ()
+    series: tuple[Series, ...] = json_as(default=())
     gain: Gain = Gain()
     ranking: tuple[Ranked, ...] = ()
     fit_p: float | None = None
@@ -282,4 +289,4 @@ class Diagnosis:
     ratios: tuple[Ratio, ...] = ()
     free_motion: tuple[FreeMotion, ...] = ()
     events: Events | None = None
-    method: Method = 'prediction'
+    method: Method = json_as(default='prediction')

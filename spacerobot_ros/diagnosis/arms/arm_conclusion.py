@@ -27,9 +27,7 @@ from .arm_evidence import rivals_of
 from .arm_found import WORSE, ArmFound, still_words, touched_notes
 from .arm_spread import birge_of, scatter_of, usual_scatter, values_std, whole_std
 from .arm_verdict import Left, laws_that_matter, overall, sentence
-from .driving_notes import driving_notes
 from .friction_law import friction_laws
-from .gain_notes import gain_notes
 from .ratios import ratios, scale_notes
 from .selection import Selection
 from .spring_rest import with_rests
@@ -89,9 +87,7 @@ def conclude_arm(
         notes=(
             *notes,
             *touched_notes(found.fit.rows.balances),
-            *gain_notes(found, left),
             *scale_notes(found),
-            *driving_notes(found, left),
             *direction_notes(named, found.robot),
         ),
         calibration=(*(c.applied for c in minor), *found.calibration),

@@ -9,7 +9,7 @@ likely by chance; `held_out_checks` asks the other parts of the data.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from copy import copy
 
 import numpy as np
@@ -17,12 +17,11 @@ import numpy as np
 from ...estimation.balance.arm_fit import Posterior
 from ...estimation.balance.arm_priors import DRY, NOTHING, OF_LOAD, SHAPES, VISCOUS, is_kind_of
 from ...estimation.balance.arm_rows import ArmRows
+from ...estimation.columns import Candidate
 from ...estimation.inference.evidence import Fold, Gram, Score, log_evidence, score, sum_of
 from ...types import Array, IntArray
-from ..limits import FAMILYWISE, MOST_PRUNED, SPECIAL
-from .held_out_parts import HeldOutParts
+from ..limits import FAMILYWISE, MOST_PRUNED, SIMPLER_MARGIN, SPECIAL, TELLING
 from .least_size import as_many, by_few, multiple_of
-from .simplest import simplest
 
 _AFTER_FRICTION = (*SHAPES, OF_LOAD)
 _LEANING = (OF_LOAD, 'joint_friction_curvature')
@@ -320,3 +319,93 @@ class Selection:
     def implausibility(self, chosen: Iterable[int]) -> float:
         """`Posterior.implausibility` of all values beside what is chosen [nats]."""
         return self.posterior(chosen).implausibility()
+
+
+_LAST = ('joint_torque_ripple',)
+"""Chosen where nothing else is wanted: a few periods follow any smooth curve of the angle. What
+stands in its place until then is pruned."""
+_BODY = 'inertial_parameters'
+
+
+def simplest(
+    wanted: Sequence[tuple[int, float]], candidates: Sequence[Candidate], last: Container[str]
+) -> int:
+    """The likeliest beforehand of those that do nearly as well as the best.
+
+    That is the cause of fewest numbers at the same place; of bodies, whose columns are much the
+    same as their neighbours', what hangs on the last link. There one number is a case of all ten,
+    whose freedom the evidence has paid: the better one is chosen.
+
+    Args:
+        wanted: Numbers of candidates with their margins, best first.
+        candidates: All of them.
+        last: Names of the last links.
+    """
+    wanted = [pair for pair in wanted if candidates[pair[0]].kind.id not in _LAST] or wanted
+    close = [(i, m) for i, m in wanted if m > SIMPLER_MARGIN * wanted[0][1]]
+    best = candidates[wanted[0][0]]
+    if best.kind.id == _BODY:
+        bodies = [i for i, _ in close if candidates[i].kind.id == _BODY]
+        return next((i for i in bodies if candidates[i].where in last), bodies[0])
+    near = [(i, margin) for i, margin in close if candidates[i].where == best.where]
+    return min(near, key=lambda pair: (len(candidates[pair[0]].sizes), -pair[1]))[0]
+
+
+class HeldOutParts:
+    """Recordings, or blocks of them.
+
+    Args:
+        rows: The recordings.
+        blocks: Gram matrices of the blocks of rows.
+        recording: (B,) number of the recording of each block.
+        whole: Sums over all rows, those that are never held out among them.
+    """
+
+    def __init__(
+        self, rows: ArmRows, blocks: Sequence[Gram], recording: IntArray, whole: Gram
+    ) -> None:
+        self._rows, self._blocks, self._whole = rows, tuple(blocks), whole
+        numbers, self._which = np.unique(recording, return_inverse=True)
+        self._recordings = [
+            sum_of([b for b, r in zip(blocks, self._which, strict=True) if r == k])
+            for k in range(len(numbers))
+        ]
+        self._folds: dict[bytes, list[Fold]] = {}
+
+    def labels(self, i: int | None = None) -> IntArray:
+        """(B,) the part that each block belongs to; -1: to none that judges.
+
+        Parts are recordings where two or more say something of a cause, else the blocks of the
+        one that does. Where a load is declared they are the first, second, ... block of each: a
+        loaded recording alone does not tell the load from the links.
+
+        Args:
+            i: The cause; None: all that is chosen.
+        """
+        own = slice(None) if i is None else self._rows.places[i]
+        sizes, which = self._rows.sizes[own], self._which
+        information = np.array([np.diag(r.matrix)[own] @ sizes**2 for r in self._recordings])
+        judges = np.flatnonzero(information > TELLING * information.sum())
+        if len(judges) < 2:
+            judges = np.array([np.argmax(information)])
+        elif not self._rows.has_load:
+            return which
+        place = np.arange(len(which)) - np.searchsorted(which, which)
+        return np.where(np.isin(which, judges), place, -1)
+
+    def are_recordings(self, i: int) -> bool:
+        """Whether each of two recordings or more judges a cause."""
+        several = len(self._recordings) > 1 and bool(np.all(self.labels(i) >= 0))
+        return several and not self._rows.has_load
+
+    def folds(self, i: int | None = None) -> list[Fold]:
+        """Each part of the data beside all others, see `labels`."""
+        labels = self.labels(i)
+        key = labels.tobytes()
+        if key not in self._folds:
+            parts = [
+                sum_of([b for b, label in zip(self._blocks, labels, strict=True) if label == part])
+                for part in range(labels.max() + 1)
+            ]
+            self._folds[key] = [Fold(self._whole - part, part) for part in parts]
+        return self._folds[key]

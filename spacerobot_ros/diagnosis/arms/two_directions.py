@@ -10,7 +10,7 @@ is one; currents are set to zero with the motor off, and a command has no sensor
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from ...effects.catalogue import CATALOGUE
@@ -92,7 +92,9 @@ def _both(friction: Cause, offset: Cause, unit: float) -> Cause | None:
     return replace(
         friction,
         applied=applied,
-        parameters=_estimated(values, std, dry.unit),
+        parameters={
+            name: Estimated(value=v, std=std, unit=dry.unit) for name, v in values.items()
+        },
         thresholds={
             p.name: replace(p, relevant=friction.thresholds['torque'].relevant)
             for p in applied.parameters
@@ -100,7 +102,3 @@ def _both(friction: Cause, offset: Cause, unit: float) -> Cause | None:
         rivals=tuple(r for r in friction.rivals if r.effect != offset.applied.id),
         constant_p=min(friction.constant_p, offset.constant_p),
     )
-
-
-def _estimated(values: Mapping[str, float], std: float, unit: str) -> dict[str, Estimated]:
-    return {name: Estimated(value=v, std=std, unit=unit) for name, v in values.items()}

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ...estimation.balance.arm_priors import torque_tolerance
+from ...estimation.inference.evidence import Gram, log_evidence
 from ...formats import either
+from ...json_values import json_as, json_fields
 from ...types import Array
 from ..answer.cause import Estimated, Rival
 from ..answer.result import Series
 from ..answer.words import at, first_few, telling, value_in_words
 from ..arms.arm_evidence import rivals_of
+from ..arms.held_out_checks import holds
 from ..arms.least_size import deviation_along
+from ..arms.selection import Selection
 from ..events.event_limits import EXPLAINED
 from .changes import Changes
-from .named_from import named_from
 
 _UNSEEN = 1e3  # plausible sizes: what must change by more is not seen at all
 
@@ -78,30 +81,18 @@ class Comparison:
 
     verdict: str
     sentence: str
-    changes: tuple[Change, ...]
+    changes: tuple[Change, ...] = json_as('causes')
     detectable: tuple[Detectable, ...]
-    left: Mapping[str, float]
+    left: Mapping[str, float] = json_as()
     unjudged: tuple[str, ...]
-    units: Mapping[str, str]
-    is_repeated: bool
-    series: tuple[Series, ...]
+    units: Mapping[str, str] = json_as()
+    is_repeated: bool = json_as('repeats')
+    series: tuple[Series, ...] = json_as()
 
     def to_json(self) -> dict[str, Any]:
         """Plain values; `causes` as in diagnosis.json."""
-        return {
-            'schema': 2,
-            'verdict': self.verdict,
-            'sentence': self.sentence,
-            'causes': [asdict(change) for change in self.changes],
-            'detectable': [asdict(one) for one in self.detectable],
-            'repeats': self.is_repeated,
-            'unjudged': list(self.unjudged),
-            'left_unexplained': {
-                'unit': either(self.units.values()),
-                'units': dict(self.units),
-                'joints': dict(self.left),
-            },
-        }
+        left = {'unit': either(self.units.values()), 'units': self.units, 'joints': self.left}
+        return {'schema': 2, **json_fields(self), 'left_unexplained': left}
 
 
 def conclude_changes(found: Changes) -> Comparison:
@@ -262,3 +253,44 @@ def _in_words(change: Change) -> str:
     values = ', '.join(value_in_words(*item, sign='+') for item in shown.items())
     rivals = [f', or {r.effect}{at(r.where)}' for r in change.indistinguishable_from]
     return f'{change.title}{at(change.where)} ({values}){"".join(rivals)}'
+
+
+_STEP, _STEPS = 1.25, 12  # up to 14 times the least size
+
+
+def named_from(selection: Selection, i: int, least: Array, unexplained: float) -> float:
+    """Size of a change along one parameter from which it holds, whichever sign it has.
+
+    What every part of the second group must say of a change, beside what it misses anyway, is no
+    multiple of what the rows can tell. A change of x adds S x to the sums for its coefficients, S
+    their information, in the whole and in all parts but one; so each size is tried.
+
+    Args:
+        selection: In which nothing is chosen.
+        i: The change.
+        least: (K,) of its coefficients, along one of them: what the rows can tell.
+        unexplained: Squares of whitened rows of which it must explain half.
+
+    Returns:
+        The size; infinite where none is named.
+    """
+    own, need = selection.rows.places[i], selection.need(i)
+    rests = [selection.posterior((), fold.rest).group(own) for fold in selection.parts.folds(i)]
+    grams = [selection.posterior(()).group(own), *rests]
+    for size in np.linalg.norm(least) * _STEP ** np.arange(_STEPS):
+        change = size * least / np.linalg.norm(least)
+        if all(_is_named(selection, i, grams, x, need, unexplained) for x in (change, -change)):
+            return float(size)
+    return np.inf
+
+
+def _is_named(
+    selection: Selection, i: int, grams: list[Gram], change: Array, need: float, unexplained: float
+) -> bool:
+    candidate = selection.rows.candidates[i]
+    added = [replace(g, vector=g.vector + g.matrix @ change) for g in grams]
+    bounds = candidate.lower, candidate.upper
+    whole, *rests = (log_evidence(g, candidate.sizes, bounds) for g in added)
+    usual = log_evidence(added[0], selection.rows.tolerances[selection.rows.places[i]], bounds)
+    gains = whole - np.array(rests)
+    return bool(whole - usual > need and holds(gains) and 2.0 * np.sum(gains) > unexplained)

@@ -1,8 +1,4 @@
-"""Which laws of the grammar the terms of one channel want, one after another.
-
-Where two other joints move alike, the first law may be of the wrong one, and the next ones of it
-mend what that leaves: all of them together are asked again with each joint in its place.
-"""
+"""Which laws of the grammar the terms of one channel want, one after another."""
 
 from __future__ import annotations
 
@@ -13,18 +9,18 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...effects.laws.grammar import quantity
 from ...estimation.inference.spectral_terms import (
     GroupBasis,
     Level,
     Whitening,
+    cosines,
+    rows_of,
     ways_of_each,
 )
 from ...types import Array, BoolArray, IntArray
 from .arm_channels import JointChannel
-from .chance import chance_of
 from .discovery_limits import CHANCE, DEAD_HEAT, LEFT, MARGIN, MOST_LAWS
-from .possible_laws import NO_LAWS, PLAIN, REFINED, SINE, Law, others_of
+from .possible_laws import NO_LAWS, PLAIN, REFINED, SINE, Law
 
 _SHORTLIST, _ALIKE = 8, 2  # refitted; of one family
 _STEPS = (1.6, 1.25, 1.1)  # by which options are refined
@@ -272,68 +268,52 @@ def _without(columns: Array, values: Array) -> Array:
     return np.asarray(values - q @ (q.T @ values))
 
 
-def settled(search: LawSearch, chosen: Sequence[Winner]) -> list[Winner]:
-    """The same laws of the joints of which they explain most; what comes close is their rival.
+FLIPS = 500  # of which the rarest tenth tells its slope to 1/sqrt(50), 14 %
+_BLOCKS = 40  # in time: of 40 s a second each, over which noise that grows with the rate varies
+_SEED = 13  # any serves
+_RARE = 0.1
+
+Statistic = Callable[[Array], Array]
+"""(F,) largest score over all laws of (M, F) whitened residuals."""
+
+
+def chance_of(
+    score: float,
+    largest: Statistic,
+    left: Array,
+    count: int,
+) -> float:
+    """Probability that the best of all laws scores so high by chance.
+
+    Data without meaning are what the law itself leaves, with random signs: of its whitened cosine
+    terms, which keeps the spectrum, lines included; and of blocks in time, which keeps noise that
+    grows where the motion is fast. The more careful of the two counts.
+
+    A score is a logarithm of odds, and chance exceeds it exponentially: by s nats more with
+    exp(-s) at most, as odds do, or steeper as the rarest tenth of the repetitions says. Most laws
+    are nearly what tolerances allow, which neither gain nor cost anything, so that the usual best
+    score hardly varies from one repetition to the next and says nothing of its tail.
 
     Args:
-        search: That chose them.
-        chosen: What won, one after another.
+        score: Of the law, with the level that each hypothesis leaves itself: under the level that
+            it leaves it would be larger, by all that is chance in this level.
+        largest: The search.
+        left: (M,) whitened residual with the law.
+        count: Of rows in time.
     """
-    steps, place = list(chosen), search.channel.place
-    every = dict.fromkeys(joint for law in search.laws for joint in others_of(law, place))
-    for joint in dict.fromkeys(k for step in chosen for k in others_of(step.law, place)):
-        choices = [steps, *(_moved(search, steps, joint, other) for other in every)]
-        ranked = sorted(
-            ((_likelihood(search, choice), n) for n, choice in enumerate(choices) if choice),
-            reverse=True,
-        )
-        best, first = ranked[0]
-        steps = choices[first]
-        for likelihood, n in ranked[1:]:
-            if best - likelihood < DEAD_HEAT:
-                steps = _with_rivals(steps, choices[n], best - likelihood)
-    return steps
+    rng = np.random.default_rng(_SEED)
+    signs = rng.choice([-1.0, 1.0], (len(left), FLIPS))
+    rows = rows_of(left, count)
+    block = (np.arange(len(rows)) * _BLOCKS) // len(rows)
+    turned = rows[:, None] * rng.choice([-1.0, 1.0], (_BLOCKS, FLIPS))[block]
+    return max(_tail(score, largest(draws)) for draws in (signs * left[:, None], cosines(turned)))
 
 
-def _moved(search: LawSearch, steps: Sequence[Winner], joint: str, other: str) -> list[Winner]:
-    """Laws of one joint as those of another; none where that is the same, or they are no laws."""
-    laws = [replace(step.law, inputs=_renamed(step.law, joint, other)) for step in steps]
-    known = {_key(law) for law in search.laws}
-    if (
-        other == joint
-        or len({*map(_key, laws)}) < len(laws)
-        or not known.issuperset(map(_key, laws))
-    ):
-        return []
-    columns = search.channel.columns(laws)
-    return [
-        replace(step, law=law, columns=own, rivals=()) if law.inputs != step.law.inputs else step
-        for step, law, own in zip(steps, laws, columns, strict=True)
-    ]
-
-
-def _renamed(law: Law, joint: str, other: str) -> tuple[str, ...]:
-    parts = (quantity(name) for name in law.inputs)
-    return tuple(
-        f'{what}/{other if whose == joint else whose}'.rstrip('/') for what, whose in parts
-    )
-
-
-def _key(law: Law) -> tuple[str, tuple[str, ...]]:
-    return law.form.name, law.inputs
-
-
-def _likelihood(search: LawSearch, steps: Sequence[Winner]) -> float:
-    return search.terms.level(columns_of(steps, len(search.terms.data))).likelihood
-
-
-def _with_rivals(steps: Sequence[Winner], others: Sequence[Winner], gap: float) -> list[Winner]:
-    """Laws with those of another joint beside each, once."""
-    out = []
-    for step, other in zip(steps, others, strict=True):
-        rivals = step.rivals
-        if step.law.inputs != other.law.inputs:
-            left = tuple(r for r in rivals if _key(r[0]) != _key(other.law))
-            rivals = (*left, (other.law, gap))
-        out.append(replace(step, rivals=rivals))
-    return out
+def _tail(score: float, draws: Array) -> float:
+    """Probability of a score, from where the rarest draws begin and how they fall off."""
+    start = float(np.quantile(draws, 1.0 - _RARE))
+    if score < start:
+        return float(np.mean(draws >= score))
+    beyond = draws[draws > start] - start
+    fall = min(float(np.mean(beyond)), 1.0) if len(beyond) else 1.0
+    return _RARE * math.exp((start - score) / max(fall, 1e-3))

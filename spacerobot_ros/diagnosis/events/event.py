@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from typing import Any
 
 from ...effects.effect import Effect
 from ...formats import either
+from ...json_values import json_as, json_fields
 from .event_limits import FALSE_PER_HOUR
 
 Spans = tuple[tuple[float, float], ...]
@@ -38,6 +39,7 @@ class Event:
         middle_std: Standard deviation of the middle of its time [s]; None where not computed.
     """
 
+    json_too = ('unit',)
     effect: str
     where: str | None
     joints: tuple[str, ...]
@@ -52,7 +54,7 @@ class Event:
     false_per_hour: float = FALSE_PER_HOUR
     rivals: tuple[str, ...] = ()
     recording: int = 0
-    applied: tuple[Effect, ...] = ()
+    applied: tuple[Effect, ...] = json_as(default=())
     wrench: Mapping[str, tuple[float, float]] | None = None
     middle_std: float | None = None
 
@@ -67,6 +69,15 @@ class Event:
     def unit(self) -> str:
         """Of all peaks, such as `N m or N` where joints differ."""
         return either(self.units.values())
+
+    def to_json(self) -> dict[str, Any]:
+        """As in diagnosis.json."""
+        impulse = dict(self.peak) if self.effect == 'angular_impulse' else None
+        wrench: Any = self.wrench and {
+            name: {'value': value, 'std': std, 'unit': 'N' if name.startswith('force') else 'N m'}
+            for name, (value, std) in self.wrench.items()
+        }
+        return json_fields(self) | {'impulse': impulse, 'wrench': wrench}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +97,7 @@ class PossibleEvent:
     z: float
     reason: str
     recording: int = 0
-    applied: tuple[Effect, ...] = ()
+    applied: tuple[Effect, ...] = json_as(default=())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,6 +110,7 @@ class EventLimit:
         unit: Of these. snr: Peak by standard deviation.
     """
 
+    json_too = ('peak',)
     duration: float
     durations: tuple[float, ...]
     peaks: tuple[float, ...]
@@ -122,11 +134,11 @@ class Events:
         recordings: Number of the recordings that were looked at.
     """
 
-    named: tuple[Event, ...] = ()
-    possible: tuple[PossibleEvent, ...] = ()
-    limits: Mapping[str, EventLimit | None] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    recordings: int = 1
+    named: tuple[Event, ...] = json_as('events', default=())
+    possible: tuple[PossibleEvent, ...] = json_as('possible_events', default=())
+    limits: Mapping[str, EventLimit | None] = json_as('event_limits', default_factory=dict)
+    notes: tuple[str, ...] = json_as(default=())
+    recordings: int = json_as(default=1)
 
     @property
     def is_judged(self) -> bool:
@@ -158,35 +170,3 @@ class Events:
 
 def _time(event: Event | PossibleEvent) -> tuple[int, float]:
     return event.recording, event.start
-
-
-def events_to_dict(events: Events | None) -> dict[str, Any]:
-    """Entries of diagnosis.json; null where events were not looked for."""
-    if events is None:
-        return {'events': None, 'possible_events': None, 'event_limits': None}
-    return {
-        'events': [_event(e) for e in events.named],
-        'possible_events': [_plain(e) for e in events.possible],
-        'event_limits': {
-            name: None if limit is None else _plain(limit) | {'peak': limit.peak}
-            for name, limit in events.limits.items()
-        },
-    }
-
-
-def _event(event: Event) -> dict[str, Any]:
-    impulse = dict(event.peak) if event.effect == 'angular_impulse' else None
-    wrench = (
-        None
-        if event.wrench is None
-        else {
-            name: {'value': value, 'std': std, 'unit': 'N' if name.startswith('force') else 'N m'}
-            for name, (value, std) in event.wrench.items()
-        }
-    )
-    return _plain(event) | {'unit': event.unit, 'impulse': impulse, 'wrench': wrench}
-
-
-def _plain(item: Event | PossibleEvent | EventLimit) -> dict[str, Any]:
-    values = {f.name: getattr(item, f.name) for f in fields(item) if f.name != 'applied'}
-    return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}

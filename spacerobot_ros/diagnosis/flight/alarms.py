@@ -11,7 +11,7 @@ import numpy as np
 from ...model.settings import MonitorSettings
 from .block_filter import FlightFilter
 from .block_innovations import Block
-from .monitor_state import MonitorState, channel_states, jump_in_words
+from .monitor_state import MonitorState, channel_states
 from .probes import Probe
 from .sequential_tests import SequentialTests
 from .wheel_momentum import Momentum
@@ -73,7 +73,7 @@ class Alarms:
         if is_alarmed and state.raised_ns is None:
             first = verdict.speaks_first
             channel = channels[first]
-            jump = jump_in_words(self._probes[first], verdict.sharpest[first])
+            jump = f'{channel.name}: a jump of {verdict.sharpest[first]:.2g} times its noise'
             state = replace(
                 state,
                 level='error',

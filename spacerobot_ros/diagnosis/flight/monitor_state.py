@@ -101,11 +101,6 @@ def channel_states(
     return tuple(out)
 
 
-def jump_in_words(probe: Probe, size: float) -> str:
-    """A channel on which a jump of `size` standard deviations shows first."""
-    return f'{probe.name}: a jump of {size:.2g} times its noise'
-
-
 def _reason(k: int, probe: Probe, verdict: Verdict, structure: Structure) -> str:
     fit = structure.fits[k]
     if fit is not None and structure.evidence[k] >= verdict.evidence[k]:

@@ -62,6 +62,7 @@ class Excited:
         together: Standard deviation beside all other unknowns; at most the plausible size.
     """
 
+    json_too = ('status',)
     effect: str
     where: str | None
     parameter: str
@@ -76,11 +77,6 @@ class Excited:
         if self.size > TOLD * self.together:
             return 'told'
         return 'not told apart' if self.size > TOLD * self.alone else 'not seen'
-
-    def to_json(self) -> dict[str, object]:
-        """As in the command's JSON."""
-        names = ('effect', 'where', 'parameter', 'unit', 'size', 'alone', 'together', 'status')
-        return {name: getattr(self, name) for name in names}
 
 
 def count_told(found: Sequence[Excited]) -> int:

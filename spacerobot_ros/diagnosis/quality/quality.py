@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from ...errors import SpaceRobotError
 from ...estimation.noise_levels import DISAGREEMENT
 from ...formats import counted
 from ...identification.batch import identify
+from ...json_values import json_as, json_fields
 from ...recording.faults.data_faults import data_faults
 from ...recording.record import Record
 from ...sensing.sensor_faults import corrected_record
@@ -25,9 +26,9 @@ from .sampling import (
     Sampling,
     delay_of,
     discrepancies,
-    integral,
     rate_scales,
     samplings,
+    spline_integral,
 )
 
 _QUICK, _LONG = 14, 120.0  # joints and seconds that are identified within some seconds
@@ -40,7 +41,7 @@ _WALK = 2.0  # of the stated random walk
 _SCALED = 0.02  # of a rate: a larger error of its scale is worth a word
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Quality:
     """What a recording is worth.
 
@@ -64,29 +65,19 @@ class Quality:
     allan: tuple[Allan, ...]
     faults: tuple[str, ...]
     excitation: tuple[Excited, ...] | None
-    why_not: str
+    why_not: str = json_as('excitation_not_computed')
     notes: tuple[str, ...]
     findings: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
         """As in the command's JSON."""
-        return {
-            'schema': 1,
-            'source': self.source,
-            'verdict': 'findings' if self.findings else 'good',
-            'findings': self.findings,
-            'faults': self.faults,
-            'sensors': [asdict(one) for one in self.sensors],
-            'delays': [asdict(one) for one in self.delays],
-            'channels': [asdict(one) for one in self.channels],
-            'allan': [asdict(one) for one in self.allan],
-            'excitation': self.excitation,
-            'excitation_not_computed': self.why_not or None,
-            'notes': self.notes,
-        }
+        verdict = 'findings' if self.findings else 'good'
+        why_not = self.why_not or None
+        shown = json_fields(self) | {'excitation_not_computed': why_not}
+        return {'schema': 1, 'verdict': verdict, **shown}
 
 
-def quality_of(record: Record, file: RobotFile | None = None) -> Quality:
+def check_record(record: Record, file: RobotFile | None = None) -> Quality:
     """Look at a recording.
 
     Args:
@@ -137,7 +128,7 @@ def _alone(record: Record) -> Allan | None:
     """Of a gyro that no attitude is beside: its motion is in it."""
     if len(record.attitude_time) or len(record.rate_time) < 4:
         return None
-    time, moved = record.rate_time, integral(record.rate_time, record.omega)
+    time, moved = record.rate_time, spline_integral(record.rate_time, record.omega)
     return allan('gyro, its motion included', time, moved)
 
 
@@ -167,7 +158,7 @@ def _identified(record: Record, file: RobotFile, faults: tuple[str, ...]) -> Ite
     try:
         estimate = identify(
             corrected_record(record, file.robot, file.effects), robot, file.settings.identifier
-        )
+        ).estimate
     except SpaceRobotError as error:
         yield f'identify: {error}'
         return

@@ -140,7 +140,7 @@ def discrepancies(record: Record, robot: Robot | None = None) -> Iterator[Discre
     qd = record.qd
     if qd is not None and np.isfinite(qd).all() and len(qd) > 3:
         time, n = record.joint_time, qd.shape[1]
-        moved = integral(time, qd)
+        moved = spline_integral(time, qd)
         spread = np.stack([np.ones_like(qd), np.tile(time[:, None], n), moved], axis=2)
         others = (np.eye(n)[None, :, :, None] * spread[:, :, None, :]).reshape(len(qd), n, -1)
         unit = joint_unit('rad') if robot is None else robot.unit_of('rad')
@@ -164,8 +164,8 @@ def _of_base(record: Record, attitude: Rotation, omega: Array) -> Discrepancy:
     for _ in range(_PASSES):
         seen = replace(record, rates=RateSeries(stamps, omega))
         at = np.column_stack([np.interp(time, record.rate_time, w) for w in omega.T])
-        columns = [np.broadcast_to(np.eye(3), turned.shape), integral(time, turned)]
-        columns += [integral(time, turned * w[:, None, None]) for w in at.T]
+        columns = [np.broadcast_to(np.eye(3), turned.shape), spline_integral(time, turned)]
+        columns += [spline_integral(time, turned * w[:, None, None]) for w in at.T]
         rate, others = np.einsum('nij,nj->ni', turned, at), np.concatenate(columns, axis=2)
         turns = np.asarray(unseen_turns(seen))
         pair = Discrepancy('attitude', 'gyro', 'rad', time, turns, rate, others)
@@ -174,7 +174,7 @@ def _of_base(record: Record, attitude: Rotation, omega: Array) -> Discrepancy:
     return pair
 
 
-def integral(time: Array, rate: Array) -> Array:
+def spline_integral(time: Array, rate: Array) -> Array:
     """(N, ...) integral of rates from the first sample, by a cubic spline."""
     curve = make_interp_spline(time, rate, k=min(3, len(time) - 1))
     return np.asarray(curve.antiderivative()(time))
@@ -207,7 +207,7 @@ def rate_scales(record: Record) -> Iterator[RateScale]:
     ):
         if np.std(q) < MOVED:  # what is said of its rate is noise
             continue
-        moved = integral(time, rate)
+        moved = spline_integral(time, rate)
         others = np.column_stack([np.ones_like(time), time, rate])
         pair = Discrepancy(
             '', '', '', time, (q - moved)[:, None], -moved[:, None], others[:, None, :]

@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from ...errors import ConfigurationError
-from ...model.schema import parse_number
+from ...model.schema import parse_list, parse_number
 from .grammar import FORMS, Form
 from .table_form import TableForm
 
@@ -39,10 +39,7 @@ class LearnedEntry:
 
     def numbers(self, key: str) -> tuple[float, ...]:
         """A list of them."""
-        at = f'{self._place}.{key}'
-        return tuple(
-            float(parse_number(value, f'{at}[{i}]')) for i, value in enumerate(self._list(key))
-        )
+        return parse_list(parse_number, self._required(key), f'{self._place}.{key}')
 
     def texts(self, key: str) -> tuple[str, ...]:
         """A list of texts."""
@@ -76,10 +73,8 @@ class LearnedEntry:
                 raise ConfigurationError(f'{self._place}.{key}', why)
 
     def _list(self, key: str) -> Sequence[Any]:
-        value = self._required(key)
-        if isinstance(value, str | Mapping) or not hasattr(value, '__iter__'):
-            raise ConfigurationError(f'{self._place}.{key}', f'expected a list, got {value!r}')
-        return tuple(value)
+        place = f'{self._place}.{key}'
+        return parse_list(lambda entry, _: entry, self._required(key), place)
 
     def _required(self, key: str) -> Any:
         if key not in self._given:

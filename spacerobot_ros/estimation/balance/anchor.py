@@ -21,7 +21,6 @@ from ...errors import ConfigurationError
 from ...model.robot import Robot
 from ...types import Array
 from ..columns import Candidate
-from ..trajectory.reference import Kinematics
 from ..unknowns.response import InverseDynamics, Response
 
 if TYPE_CHECKING:
@@ -35,7 +34,8 @@ _BODIES = ('inertial_parameters', 'motor_inertia')
 
 def unanchored(balances: Sequence[Balance]) -> list[list[int]]:
     """Numbers of the joints of every branch from the base where no torque is measured."""
-    return [b for b in branches(balances[0].robot) if not _is_measured(b, balances)]
+    measured = np.any([b.arm.powered.any(axis=0) & b.is_torque for b in balances], axis=0)
+    return [branch for branch in branches(balances[0].robot) if not measured[branch].any()]
 
 
 def scale_columns(
@@ -59,17 +59,13 @@ def branches(robot: Robot) -> list[list[int]]:
     return [np.flatnonzero(robot.moves[root, 1:]).tolist() for root in roots]
 
 
-def _is_measured(branch: Sequence[int], balances: Sequence[Balance]) -> bool:
-    """Whether any joint of a branch has a measured torque."""
-    return any(b.arm.powered[:, j].any() and b.is_torque[j] for b in balances for j in branch)
-
-
 def _scale(
     balances: Sequence[Balance], candidates: Sequence[Candidate], branch: Sequence[int]
 ) -> Array:
     robot = balances[0].robot
     branch = [j for j in branch if robot.joints[j] in robot.passive_joints] or branch
-    weights = [_resting(b.arm.kinematics) for b in balances]
+    still = [replace(b.arm.kinematics, qd=np.zeros_like(b.arm.kinematics.qd)) for b in balances]
+    weights = [replace(at, qdd=np.zeros_like(at.qdd)) for at in still]
     is_heavy = any(b.weight[:, branch].any() for b in balances)
     if robot.anchor == 'gravity' and not is_heavy:
         names = ', '.join(robot.joints[j] for j in branch)
@@ -77,8 +73,7 @@ def _scale(
     floating = replace(robot, gravity=np.zeros(3))
     torques = []
     if robot.anchor == 'inertia' or not is_heavy:
-        weights = [_floating(b.arm.kinematics) for b in balances]
-        robot = floating
+        weights, robot = still, floating
     for at in weights:
         motion = InverseDynamics(robot).motion(at, np.zeros_like(at.q))
         own = InverseDynamics(robot)(motion)[:, 6:][:, branch]
@@ -93,13 +88,3 @@ def _scale(
         torques.append((own, np.stack(columns, axis=2)))
     square = sum(float(np.sum(own**2)) for own, _ in torques)
     return np.asarray(sum(np.einsum('nj,njk->k', *pair) for pair in torques) / square)
-
-
-def _resting(at: Kinematics) -> Kinematics:
-    """The same positions without motion."""
-    return replace(at, qd=np.zeros_like(at.qd), qdd=np.zeros_like(at.qdd))
-
-
-def _floating(at: Kinematics) -> Kinematics:
-    """The same accelerations without rates."""
-    return replace(at, qd=np.zeros_like(at.qd))

@@ -45,7 +45,8 @@ def arm_candidates(
         if not kind.is_fitted or kind.needs_free_base or (kind.hidden and kind.id not in _BY_PATH):
             continue
         for where in kind.fitted_places(robot):
-            if any(_excludes(kind, e) for e in balances[0].effects if e.where == where):
+            beside = (e for e in balances[0].effects if e.where == where)
+            if any(e.id in kind.excludes or kind.id in e.excludes for e in beside):
                 continue
             for variant in _variants(kind, where, balances):
                 candidate = candidate_at(kind, robot, where, variant)
@@ -104,11 +105,6 @@ def _as_point(body: Array) -> Array:
     m, (x, y, z) = body[0], body[1:4] / body[0]
     moments = [y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y]
     return np.array([m, *body[1:4], *(m * np.array(moments))])
-
-
-def _excludes(kind: type[Effect], believed: Effect) -> bool:
-    """Whether an effect can not act beside one of the model's at the same place."""
-    return believed.id in kind.excludes or kind.id in believed.excludes
 
 
 def _variants(

@@ -13,6 +13,7 @@ import math
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ...dynamics.integrate import RK4, rk_step
 from ...effects.motion import Motion
 from ...types import Array, IntArray
 from ..trajectory.reference import Kinematics
@@ -95,22 +96,18 @@ class _Windows:
 
     def _run(self, first: Array) -> Array:
         """(C, W, samples, p) positions from (C, W, 2 p) first states, by RK4."""
-        p, h = len(self._joints), self._h
+        p = len(self._joints)
         state, out = first, [first[..., :p]]
         for k in range(self._count * self._inner):
-            a = self._rate(state, 2 * k)
-            b = self._rate(state + 0.5 * h * a, 2 * k + 1)
-            c = self._rate(state + 0.5 * h * b, 2 * k + 1)
-            d = self._rate(state + h * c, 2 * k + 2)
-            state = state + h / 6.0 * (a + 2.0 * (b + c) + d)
+            state = rk_step(self._rate, 2.0 * k, state, 2.0, RK4)
             if (k + 1) % self._inner == 0:
                 out.append(state[..., :p])
         return np.stack(out, axis=2)
 
-    def _rate(self, state: Array, at: int) -> Array:
-        """Time derivative of states at half step `at`."""
+    def _rate(self, at: float, state: Array) -> Array:
+        """Change of states in half a step, at half step `at`."""
         p, copies = len(self._joints), len(state)
-        q, qd, qdd = (np.tile(x[:, at], (copies, 1)) for x in self._path)
+        q, qd, qdd = (np.tile(x[:, round(at)], (copies, 1)) for x in self._path)
         flat = state.reshape(-1, 2 * p)
         q[:, self._joints], qd[:, self._joints], qdd[:, self._joints] = flat[:, :p], flat[:, p:], 0
         none = np.zeros((len(q), 3))
@@ -124,7 +121,8 @@ class _Windows:
             motion.acceleration = accelerated
             inertia[:, :, k] = self._lacking(motion) - lacking
         bend = -np.linalg.solve(inertia, lacking[:, :, None])[:, :, 0]
-        return np.concatenate([flat[:, p:], bend], axis=1).reshape(state.shape)
+        rate = np.concatenate([flat[:, p:], bend], axis=1)
+        return 0.5 * self._h * rate.reshape(state.shape)
 
     def _lacking(self, motion: Motion) -> Array:
         """(N, p) torque that the free joints would need for a motion beyond what effects give."""

@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...dynamics.rnea_derivatives import acceleration_derivatives
+from ...dynamics.acceleration_derivatives import acceleration_derivatives
 from ...dynamics.rotation import skew
-from ...dynamics.tree import tree_of
 from ...effects.catalogue import changed_robot
 from ...effects.effect import Effect
 from ...effects.motion import Motion
@@ -105,7 +104,9 @@ class TorqueDriven:
         robot, first = self.robot, self.first
         forces = self.forces(motion) + input_force(robot, motion)
         forces[:, 6:] += motion.effort
-        by_q, by_v, inverse = acceleration_derivatives(tree_of(robot), motion.kinematics, forces)
+        by_q, by_v, inverse = acceleration_derivatives(
+            robot, motion.q, motion.rates, motion.kinematics, forces
+        )
         by_position, by_velocity = by_q[:, first:, first:].copy(), by_v[:, first:, first:].copy()
         if robot.is_free and robot.inputs is not None and robot.inputs.wheels is not None:
             gyroscopic = skew(excess_momentum(robot, motion.time))

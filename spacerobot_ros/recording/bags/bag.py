@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -35,9 +36,8 @@ _TYPES = {
     'thrusters': 'sensor_msgs/msg/JointState',
     'base_wrench': 'geometry_msgs/msg/WrenchStamped',
 }
-_INPUTS = ('thrusters', 'base_wrench')
 _DESCRIPTION = '/robot_description'
-_OPTIONAL = ('wheels', *_INPUTS)
+_OPTIONAL = ('wheels', 'thrusters', 'base_wrench')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,9 +117,14 @@ def read_bag(path: str | Path, robot: Robot | None, topics: Topics | None = None
             joints.remarks[f'efforts are currents, {how}'] = None
     kinds = {channel.topic: kind for kind, channel in channels.items()}
     stored = read_messages(path, [*kinds, _DESCRIPTION])
-    description = _described(stored)
     _check_topics(path, stored, channels)
+    description = ''
     for topic, msgtype, data in stored.messages:
+        if topic == _DESCRIPTION:
+            if msgtype == 'std_msgs/msg/String':
+                with suppress(MessageRejectedError):
+                    description = str(decoded(msgtype, data).data)
+            continue
         kind = kinds[topic]
         channel = channels[kind]
         try:
@@ -137,17 +142,6 @@ def read_bag(path: str | Path, robot: Robot | None, topics: Topics | None = None
     return replace(record, inputs=others, notes=(*record.notes, note))
 
 
-def _described(stored: StoredMessages) -> str:
-    """Take the robot's description out of the messages; empty where there is none."""
-    descriptions = [m for m in stored.messages if m[0] == _DESCRIPTION]
-    stored.messages[:] = [m for m in stored.messages if m[0] != _DESCRIPTION]
-    texts = [data for _, msgtype, data in descriptions if msgtype == 'std_msgs/msg/String']
-    try:
-        return str(decoded('std_msgs/msg/String', texts[-1]).data) if texts else ''
-    except MessageRejectedError:
-        return ''
-
-
 def _check_topics(path: Path, stored: StoredMessages, channels: dict[str, _Channel]) -> None:
     """Refuse a wanted topic of another type, and a bag without messages of any."""
     kinds = {channel.topic: kind for kind, channel in channels.items()}
@@ -155,7 +149,7 @@ def _check_topics(path: Path, stored: StoredMessages, channels: dict[str, _Chann
         expected = _TYPES[kinds[topic]] if topic in kinds else msgtype
         if msgtype != expected:
             raise RecordingError(f'{path}: {topic}', f'carries {msgtype}, expected {expected}')
-    if not any(kinds[topic] not in _OPTIONAL for topic, _, _ in stored.messages):
+    if not any(kinds.get(topic, 'wheels') not in _OPTIONAL for topic, *_ in stored.messages):
         present = ', '.join(sorted({topic for topic, _ in stored.channels})) or 'nothing'
         joints, imu, attitude, *_ = kinds
         raise RecordingError(
@@ -179,8 +173,11 @@ def _row(kind: str, message: Any, channel: _Channel, base_link: str | None) -> A
         limit = f'{messages.NORM_LIMIT:g}'
         channel.remarks[f'quaternions normalized (norms off by up to {limit})'] = None
         return messages.unit(q)
-    if kind in _INPUTS:
-        return _input_row(kind, message, channel, base_link)
+    if kind == 'base_wrench':
+        return messages.base_wrench(message, base_link)[1]
+    if kind == 'thrusters':
+        channel.names = channel.names or tuple(message.name)
+        return messages.thruster_shares(message, channel.names)
     if kind == 'wheels':
         names = channel.names or tuple(message.name)
         columns = messages.joint_columns(message, names, 'position?', 'velocity', 'effort?')
@@ -209,14 +206,6 @@ def _joint_row(message: Any, channel: _Channel) -> Array:
     return _stacked(columns, len(channel.names), missing=(0.0, np.nan, np.nan))
 
 
-def _input_row(kind: str, message: Any, channel: _Channel, base_link: str) -> Array:
-    """Commands of all thrusters, or the wrench on the base."""
-    if kind == 'base_wrench':
-        return messages.base_wrench(message, base_link)[1]
-    channel.names = channel.names or tuple(message.name)
-    return messages.thruster_shares(message, channel.names)
-
-
 def _stacked(columns: Sequence[Array | None], n: int, missing: Sequence[float]) -> Array:
     return np.array(
         [np.full(n, m) if c is None else c for c, m in zip(columns, missing, strict=True)]
@@ -225,33 +214,25 @@ def _stacked(columns: Sequence[Array | None], n: int, missing: Sequence[float]) 
 
 def _build(path: Path, channels: dict[str, _Channel], lost: list[str]) -> Record:
     notes = ['sample times are header stamps', *lost]
-    series: dict[str, Any] = {}
+    sensors: dict[str, Any] = {}
+    inputs: dict[str, InputSeries] = {}
     for kind, channel in channels.items():
         samples = _sorted(path, channel)
         if samples is None:
-            series[kind] = None
+            pass
         elif kind in ('joints', 'wheels'):
             optional = kind == 'joints'
-            series[kind] = _joint_series(channel, *samples, notes if optional else [])
-        elif kind in _INPUTS:
-            series[kind] = _input_series(kind, channel, *samples)
-        else:
-            series[kind] = (RateSeries if kind == 'imu' else AttitudeSeries)(*samples)
+            sensors[kind] = _joint_series(channel, *samples, notes if optional else [])
+        elif kind == 'imu':
+            sensors['rates'] = RateSeries(*samples)
+        elif kind == 'attitude':
+            sensors['attitudes'] = AttitudeSeries(*samples)
+        elif samples[1].any():  # commands or wrenches that ever are other than zero
+            names, quantities = INPUTS.get(kind, (channel.names, ('',) * len(channel.names)))
+            units = tuple(SI_UNITS[quantity] for quantity in quantities)
+            inputs[kind] = InputSeries(names, *samples, units)
         notes += _notes(channel, optional=kind in _OPTIONAL)
-    inputs = {kind: series.pop(kind) for kind in _INPUTS if kind in series}
-    inputs = {kind: given for kind, given in inputs.items() if given is not None}
-    joints, imu, attitude, wheels = series.values()
-    return Record(joints, imu, attitude, wheels, str(path), tuple(notes), inputs=inputs)
-
-
-def _input_series(kind: str, channel: _Channel, stamps: IntArray, rows: Array) -> Any:
-    """Commands or wrenches; None where they never are other than zero."""
-    if not rows.any():
-        return None
-    if kind == 'thrusters':
-        return InputSeries(channel.names, stamps, rows)
-    names, quantities = INPUTS[kind]
-    return InputSeries(names, stamps, rows, tuple(SI_UNITS[q] for q in quantities))
+    return Record(**sensors, source=str(path), notes=tuple(notes), inputs=inputs)
 
 
 def _sorted(path: Path, channel: _Channel) -> tuple[IntArray, Array] | None:

@@ -12,8 +12,7 @@ from rosbags.rosbag2 import Reader
 
 from ...errors import ConfigurationError, RecordingError
 from ...model.files import read_yaml
-from ..record import shown
-from .mcap import McapContent, read_mcap
+from .mcap_file import McapFile
 
 _UNSEEN = 'has no checksums: damage to its numbers would not be noticed'
 
@@ -95,41 +94,29 @@ def _read_mcaps(
     if missing := sorted(set(listed) - {path.name for path in paths}):
         raise RecordingError(str(paths[0].parent), f'{", ".join(missing)} is missing')
     files = [path for path in paths if not listed or path.name in listed]
-    contents = [read_mcap(path, wanted) for path in files]
-    stated = _counts(information) or sum((Counter(c.stated) for c in contents), Counter())
-    read = sum((content.read for content in contents), Counter())
+    contents = [McapFile(path, wanted) for path in files]
+    stated = _counts(information) or sum((c.by_topic(c.stated) for c in contents), Counter())
+    read = sum((c.by_topic(c.counts) for c in contents), Counter())
     notes: list[str] = []
-    for path, content in zip(files, contents, strict=True):
-        limits = content.limits or (_limits(information) if len(files) == 1 else None)
-        notes += _damage(path, content, limits)
+    for content in contents:
+        notes += content.damage(_limits(information) if len(files) == 1 else None)
         if not content.has_checksums:
-            notes.append(f'{path.name} {_UNSEEN}')
+            notes.append(f'{content.path.name} {_UNSEEN}')
     for path in sorted(set(paths) - set(files)):
         notes.append(f'{path.name} is not in metadata.yaml: left out')
     short = [f'{read[t]} of {n} messages of {t}' for t, n in stated.items() if read[t] < n]
     if short:
         notes.append(f'damaged: read {", ".join(short)}')
     messages = sorted(
-        ((log, *content.channels[key], data)
+        ((log, *topics[key], data)
          for content in contents
+         for topics in [content.topics]
          for log, key, data in content.messages
-         if key in content.channels and content.channels[key].topic in wanted),
+         if topics.get(key, ('',))[0] in wanted),
         key=lambda message: message[0],
     )  # fmt: skip
-    channels = frozenset(
-        (c.topic, c.msgtype) for content in contents for c in content.channels.values()
-    )
+    channels = frozenset(topic for content in contents for topic in content.topics.values())
     return StoredMessages(channels, [message[1:] for message in messages], notes)
-
-
-def _damage(path: Path, content: McapContent, limits: tuple[int, int] | None) -> list[str]:
-    """What a damaged file lost, in one line; nothing for a good one."""
-    if not content.damaged_at:
-        return []
-    what = 'is cut short' if content.is_cut else 'is damaged'
-    lost = content.lost_ns(limits)
-    size = 'nobody knows how much' if lost is None else shown(lost / 1e9)
-    return [f'{path.name} {what} at byte {content.damaged_at[0]}: {size} is lost there']
 
 
 def _read(path: Path, wanted: Collection[str]) -> StoredMessages:

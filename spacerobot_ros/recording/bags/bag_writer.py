@@ -1,31 +1,29 @@
-"""Writing rosbag2 folders (mcap): any ROS 2 tool reads them, the same run gives the same bytes."""
+"""Writing rosbag2 folders (mcap), which any ROS 2 tool reads."""
 
 from __future__ import annotations
 
 import heapq
-import os
+import math
 import shutil
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
-from zlib import crc32
 
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapWriter
 from rosbags import interfaces as bags
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.rosbag2.errors import WriterError
-from rosbags.rosbag2.storage_mcap import McapWriter
+from rosbags.typesys import TypesysError
 
-from ...errors import MessageRejectedError, RecordingError
+from ...errors import RecordingError
+from ...model.files import written_whole
 from ..messages import stamp_ns
-from .message_types import CanonicalMessages, composer, encoded, typestore
+from .message_types import composer, encoded, typestore
 
 _VERSION = 9  # of the bag's metadata: Jazzy and later
 _REORDER_NS = 500_000_000
 _CHUNK_NS = 500_000_000  # the most that damage to a chunk costs; a killed process the order, too
-_CHECKSUM_AT = 9 + 24  # of a chunk: after opcode and length, two times and a size
-_NAME = (
-    'recording'  # of the file inside the folder: the content must not depend on the folder's name
-)
+_NAME = 'recording.mcap'
 _FOREVER = bags.QosTime(9223372036, 854775807)
 
 
@@ -49,27 +47,64 @@ def check_target(path: str | Path, overwrite: bool) -> Path:
     return path
 
 
-class _ChunkWriter(McapWriter):  # type: ignore[misc]  # rosbags is untyped
-    """Chunks of half a second at most, on the disk as soon as they are full, with a checksum."""
+class _Storage:
+    """An mcap file with checksums, as rosbags' `Writer` asks for one.
 
-    def write(self, connection: bags.Connection, timestamp: int, data: bytes | memoryview) -> None:
+    Chunks have half a second at most, and are on the disk as soon as they are full.
+    """
+
+    def __init__(self, folder: Path, _: object) -> None:
+        self.path = folder / _NAME
+        self._file = self.path.open('xb')
+        self._mcap = McapWriter(self._file, compression=CompressionType.NONE)
+        self._mcap.start('ros2')
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[int, int] = {}
+        self._begun_ns: int | None = None
+
+    def add_msgtype(self, connection: bags.Connection) -> None:
+        """Add a message type."""
+        text = connection.msgdef.data.encode()
+        schema = self._mcap.register_schema(connection.msgtype, 'ros2msg', text)
+        self._schemas[connection.msgtype] = schema
+
+    def add_connection(self, connection: bags.Connection, qos: str) -> None:
+        """Add a topic."""
+        self._channels[connection.id] = self._mcap.register_channel(
+            connection.topic,
+            connection.ext.serialization_format,
+            self._schemas[connection.msgtype],
+            {'offered_qos_profiles': qos},
+        )
+
+    def write(self, connection: bags.Connection, ns: int, data: bytes | memoryview) -> None:
         """Write a message, after the half second before it."""
-        if timestamp - self.chunk.message_start_time >= _CHUNK_NS:
-            self.close_chunk()
-        super().write(connection, timestamp, data)
+        if self._begun_ns is None:
+            self._begun_ns = ns
+        elif ns - self._begun_ns >= _CHUNK_NS:
+            self.flush()
+            self._begun_ns = ns
+        self._mcap.add_message(self._channels[connection.id], ns, data, ns)
 
-    def close_chunk(self) -> None:
-        """Write the chunk; the checksum, which `McapWriter` leaves out, where it belongs."""
-        start, checksum = self.bio.tell(), crc32(self.chunk.bio.getvalue())
-        super().close_chunk()
-        self.bio.seek(start + _CHECKSUM_AT)
-        self.bio.write(checksum.to_bytes(4, 'little'))
-        self.bio.seek(0, os.SEEK_END)
-        self.bio.flush()
+    def flush(self) -> None:
+        """Put what came so far on the disk."""
+        self._mcap.flush()
+        self._begun_ns = None
+
+    def close(self, version: int, metadata: str) -> None:
+        """Write the index, and the bag's metadata."""
+        self._mcap.add_metadata('rosbag2', {'serialized_metadata': metadata})
+        self._mcap.finish()
+        self._file.close()
+
+    def abort(self) -> None:
+        """Close the file as it is; what it still holds has no place on a full disk."""
+        with suppress(OSError):
+            self._file.close()
 
 
-class _ChunkedWriter(Writer):  # type: ignore[misc]
-    STORAGE_PLUGINS = {**Writer.STORAGE_PLUGINS, StoragePlugin.MCAP: _ChunkWriter}  # noqa: RUF012  as in Writer
+class _Writer(Writer):  # type: ignore[misc]  # rosbags is untyped
+    STORAGE_PLUGINS = {**Writer.STORAGE_PLUGINS, StoragePlugin.MCAP: _Storage}  # noqa: RUF012  as in Writer
 
 
 class BagWriter:
@@ -84,6 +119,7 @@ class BagWriter:
 
     Attributes:
         compose: Makes the messages to `add`.
+        message_count: Messages taken so far.
 
     Raises:
         RecordingError: something is at `path` that must stay, or the folder can't be made.
@@ -91,62 +127,41 @@ class BagWriter:
 
     def __init__(self, path: str | Path, *, overwrite: bool = False) -> None:
         self._path = check_target(path, overwrite)
-        self._store = typestore()
-        self._canonical: dict[tuple[str, str], CanonicalMessages] = {}
         self.compose = composer()
-        self._work = self._path.parent / f'.{self._path.name}.partial'
         self._queue: list[tuple[int, str, int, str, bytes, bool]] = []
-        self._count = 0
+        self.message_count = 0
         self._newest_ns = -(2**63)
-        self._connections: dict[str, tuple[str, bags.Connection]] = {}
+        self._connections: dict[str, bags.Connection] = {}
 
     def __enter__(self) -> BagWriter:
         """Start the recording beside its final place."""
-        try:
-            if self._work.exists():
-                shutil.rmtree(self._work)
-            self._work.mkdir(parents=True)
-            self._writer = _ChunkedWriter(
-                self._work / _NAME, version=_VERSION, storage_plugin=StoragePlugin.MCAP
-            )
+        with ExitStack() as stack:
+            work = stack.enter_context(written_whole(self._path, RecordingError))
+            self._writer = _Writer(work, version=_VERSION, storage_plugin=StoragePlugin.MCAP)
             self._writer.open()
-        except (OSError, WriterError) as error:
-            shutil.rmtree(self._work, ignore_errors=True)
-            raise self._unwritten(error) from error
+            stack.callback(self._writer.abort)  # nothing to do where it is closed
+            stack.push(self._finish)
+            self._exit = stack.pop_all().__exit__
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+    def __exit__(self, *error: Any) -> None:
         """Finish and move into place; after an error, leave nothing."""
-        try:
-            if kind is None:
-                self._finish()
-        except OSError as failure:
-            raise self._unwritten(failure) from failure
-        finally:
-            with suppress(OSError):  # what it still holds has no place on a full disk
-                self._writer.abort()  # nothing to do where it is closed
-            shutil.rmtree(self._work, ignore_errors=True)
-
-    @property
-    def message_count(self) -> int:
-        """Messages taken so far."""
-        return self._count
+        self._exit(*error)
 
     def add(self, topic: str, message: Any) -> None:
         """Write a message with a header that `compose` made; its stamp is its time."""
-        ns = stamp_ns(message.header.stamp)
-        self._write(topic, message.__msgtype__, ns, encoded(message), False)
+        self.message(topic, message.__msgtype__, stamp_ns(message.header.stamp), encoded(message))
 
     def text(self, topic: str, stamp_ns: int, text: str) -> None:
         """Write a latched String, such as `/robot_description`."""
         msgtype = 'std_msgs/msg/String'
         message = self.compose.make(msgtype, data=text)
-        self._write(topic, msgtype, stamp_ns, encoded(message), True)
+        self.message(topic, msgtype, stamp_ns, encoded(message), latched=True)
 
     def message(
         self, topic: str, msgtype: str, stamp_ns: int, cdr: bytes, latched: bool = False
     ) -> None:
-        """Write a serialized message of any known type; its padding is zeroed.
+        """Write a serialized message of any known type.
 
         Args:
             topic: Topic.
@@ -156,15 +171,12 @@ class BagWriter:
             latched: Whether `ros2 bag play` shall latch the topic.
 
         Raises:
-            RecordingError: unknown type, or bytes that are not such a message.
+            RecordingError: unknown type, or it can not be written.
         """
-        if (topic, msgtype) not in self._canonical:
-            self._canonical[topic, msgtype] = CanonicalMessages(msgtype)
-        try:
-            clean = self._canonical[topic, msgtype](cdr)
-        except MessageRejectedError as error:
-            raise RecordingError(topic, str(error)) from error
-        self._write(topic, msgtype, stamp_ns, clean, latched)
+        heapq.heappush(self._queue, (stamp_ns, topic, self.message_count, msgtype, cdr, latched))
+        self.message_count += 1
+        self._newest_ns = max(self._newest_ns, stamp_ns)
+        self._write_before(self._newest_ns - _REORDER_NS)
 
     def flush(self) -> None:
         """Put what came so far where a kill leaves it; what is late after that is out of order.
@@ -172,48 +184,40 @@ class BagWriter:
         Raises:
             RecordingError: it can not be written.
         """
-        try:
-            while self._queue:
-                self._write_oldest()
-            if self._writer.storage.chunk.msgs:
-                self._writer.storage.close_chunk()
-        except OSError as error:
-            raise self._unwritten(error) from error
+        self._write_before(math.inf)
 
-    def _write(self, topic: str, msgtype: str, stamp_ns: int, cdr: bytes, latched: bool) -> None:
-        heapq.heappush(self._queue, (stamp_ns, topic, self._count, msgtype, cdr, latched))
-        self._count += 1
-        self._newest_ns = max(self._newest_ns, stamp_ns)
+    def _write_before(self, limit_ns: float) -> None:
+        """Write what is older; all of it, and to the disk itself, if that is infinite."""
         try:
-            while self._queue[0][0] < self._newest_ns - _REORDER_NS:
+            while self._queue and self._queue[0][0] < limit_ns:
                 self._write_oldest()
+            if limit_ns == math.inf:
+                self._writer.storage.flush()
         except OSError as error:
-            raise self._unwritten(error) from error
-
-    def _unwritten(self, error: Exception) -> RecordingError:
-        why = error.strerror if isinstance(error, OSError) else None
-        return RecordingError(str(self._path), f'can not be written: {why or error}')
+            why = f'can not be written: {error.strerror or error}'
+            raise RecordingError(str(self._path), why) from error
 
     def _write_oldest(self) -> None:
         stamp_ns, topic, _, msgtype, cdr, latched = heapq.heappop(self._queue)
         if topic not in self._connections:
-            connection = self._writer.add_connection(
-                topic, msgtype, typestore=self._store, offered_qos_profiles=[_qos(latched)]
-            )
-            self._connections[topic] = (msgtype, connection)
-        known, connection = self._connections[topic]
-        if known != msgtype:
-            raise RecordingError(topic, f'carries {known} and {msgtype}')
+            try:
+                self._connections[topic] = self._writer.add_connection(
+                    topic, msgtype, typestore=typestore(), offered_qos_profiles=[_qos(latched)]
+                )
+            except TypesysError as error:
+                raise RecordingError(topic, f'not a {msgtype}: {error}') from error
+        connection = self._connections[topic]
+        if connection.msgtype != msgtype:
+            raise RecordingError(topic, f'carries {connection.msgtype} and {msgtype}')
         self._writer.write(connection, stamp_ns, cdr)
 
-    def _finish(self) -> None:
-        while self._queue:
-            self._write_oldest()
-        self._writer.close()
-        if self._path.exists():
-            check_target(self._path, overwrite=True)
-            self._path.rename(self._work / 'replaced')
-        (self._work / _NAME).rename(self._path)
+    def _finish(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Complete the recording, and make room for it; nothing after an error."""
+        if kind is None:
+            self.flush()
+            self._writer.close()
+            if self._path.exists():
+                shutil.rmtree(check_target(self._path, overwrite=True))
 
 
 def _qos(latched: bool) -> bags.Qos:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...dynamics.ledger import MomentumLedger
+from ...dynamics.state import MomentumLedger
 from ...types import Array, Quaternion, Vector3
 from ..messages import INERTIAL_FRAME, SECOND_NS
 
@@ -40,7 +40,7 @@ class Composer:
     def time(self, ns: int) -> Any:
         """A stamp of whole nanoseconds; of those that no message holds the nearest that one does.
 
-        Who goes on from the last stamp that there is must not fail.
+        A caller that continues from the last stamp must not fail.
         """
         sec, nanosec = divmod(min(max(ns, -_END_NS), _END_NS - 1), SECOND_NS)
         return self.make('builtin_interfaces/msg/Time', sec=sec, nanosec=nanosec)

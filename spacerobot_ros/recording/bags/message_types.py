@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import os
-from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -14,10 +13,9 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typest
 from rosbags.typesys.store import Typestore
 
 from ...errors import MessageRejectedError, RecordingError
-from ...types import Array
-from .cdr import PLAIN, Layout
 from .compose import PACKAGE, Composer
 
+_HEAD = 4  # bytes before a message that say how it is serialized
 _WORD = 4  # bytes; messages are filled up to a multiple
 _GUESSED = 8
 """Bytes that rclpy's `serialize_message` may add to a message for each empty sequence of numbers,
@@ -69,11 +67,8 @@ def message_folder() -> Path:
 @functools.cache
 def composer() -> Composer:
     """Makes messages of `typestore()`, to be `encoded`."""
-    return Composer(typestore().types.__getitem__, _doubles)
-
-
-def _doubles(values: Array) -> Array:
-    return np.asarray(values, dtype=np.float64)
+    doubles = functools.partial(np.asarray, dtype=np.float64)
+    return Composer(typestore().types.__getitem__, doubles)
 
 
 def decoded(msgtype: str, cdr: bytes, *, with_package: bool = True) -> Any:
@@ -93,8 +88,8 @@ def decoded(msgtype: str, cdr: bytes, *, with_package: bool = True) -> Any:
         store = typestore(with_package)
         kind = store.get_msgdef(msgtype)
         read = kind.deserialize_cdr_le if cdr[1] else kind.deserialize_cdr_be
-        message, end = read(cdr[len(PLAIN) :], 0, kind.cls, store)
-        tail = len(cdr) - len(PLAIN) - end
+        message, end = read(cdr[_HEAD:], 0, kind.cls, store)
+        tail = len(cdr) - _HEAD - end
         if tail >= _WORD and tail >= _WORD + _GUESSED * _empty_vectors(message):
             raise ValueError(f'{tail} bytes too long')
     except Exception as error:  # the generated decoder may raise anything
@@ -116,28 +111,3 @@ def _empty_vectors(value: Any) -> int:
 def encoded(message: Any) -> bytes:
     """The serialized form of a message of `typestore()`."""
     return bytes(typestore().serialize_cdr(message, message.__msgtype__))
-
-
-class CanonicalMessages:
-    """Zeroes the gaps of a topic's messages: middlewares leave what was in memory there.
-
-    Args:
-        msgtype: Such as `sensor_msgs/msg/JointState`.
-    """
-
-    def __init__(self, msgtype: str) -> None:
-        self._msgtype = msgtype
-        self._layout: Layout | None = None
-
-    def __call__(self, cdr: bytes) -> bytes:
-        """The same message, serialized as any other that says the same.
-
-        Raises:
-            MessageRejectedError: bytes that are no such message.
-        """
-        clean = self._layout.canonical(cdr) if self._layout else None
-        if clean is None:
-            clean = encoded(decoded(self._msgtype, cdr))
-            with suppress(KeyError, ValueError):
-                self._layout = Layout(typestore(), self._msgtype, cdr)
-        return clean

@@ -62,11 +62,8 @@ def split_at_gaps(record: Record) -> tuple[Record, ...]:
     if len(stretches) == 1:
         return (record,)
     left_out = len(stretches) - len(kept)
-    also = (
-        (f'{counted(left_out, "stretch", "stretches")} between gaps left out: too short',)
-        if left_out
-        else ()
-    )
+    too_short = f'{counted(left_out, "stretch", "stretches")} between gaps left out: too short'
+    also = (too_short,) if left_out else ()
     return tuple(_own(part, f'stretch {i} of {len(stretches)}', also) for i, part in kept)
 
 
@@ -90,10 +87,7 @@ def longest_pause(time: Array) -> float:
 def _own(part: Record, name: str, also: tuple[str, ...]) -> Record:
     """A stretch as a record of its own; a sensor that was silent in it is absent."""
     sensors: dict[str, Any] = {key: getattr(part, key) for key in SENSORS}
-    sensors = {
-        key: series if series is not None and len(series) else None
-        for key, series in sensors.items()
-    }
+    sensors = {key: series or None for key, series in sensors.items()}  # not one without samples
     begins = f'{name}, {shown(float(part.joint_time[0]))} after the first sample'
     inputs = {key: series for key, series in part.inputs.items() if len(series)}
     own = replace(part, **sensors, inputs=inputs, zero_ns=None, source=f'{part.source} ({name})')

@@ -14,7 +14,7 @@ from ...types import Array
 STENCILS = ((-2, -1, 1, 2), (-4, -3, 3, 4), (-6, -5, 5, 6), (-3, -2, -1, 0), (1, 2, 3, 0))
 """Neighbours that predict a sample; 0 is none."""
 NORMAL = 1.4826
-"""Standard deviation of normal numbers by their median magnitude."""
+"""MAD-to-sigma factor."""
 
 _STRETCHED = 2.0  # usual intervals between neighbours, beyond which they predict nothing
 

@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 
 from ...types import Array, BoolArray, IntArray
-from ..integral import integral
+from ..integral import integral, interpolated
 from ..record import Record, shown
 from . import thresholds
 from .gaps import longest_pause
@@ -118,11 +118,8 @@ def _windows(seconds: Array, rates: Array) -> IntArray:
 def _integrals(seconds: Array, rates: Array, spans: Array) -> Array:
     """(K, n) integrals of the rates over time spans (K, 2), by trapezoids."""
     sums = integral(seconds, rates)
-    ends = [
-        np.column_stack([np.interp(spans[:, side], seconds, column) for column in sums.T])
-        for side in (0, 1)
-    ]
-    return np.asarray(ends[1] - ends[0])
+    first, last = (interpolated(ends, seconds, sums) for ends in spans.T)
+    return last - first
 
 
 def clock_faults(record: Record) -> Iterator[DataFault]:

@@ -21,6 +21,7 @@ from ...dynamics.equations import joint_torques
 from ...model.robot import Robot
 from ...model.robot_settings import COMPENSATED
 from ...types import Array, BoolArray, IntArray
+from ..integral import interpolated
 from ..record import Record
 from .motion_faults import DEGREES
 from .thresholds import (
@@ -159,9 +160,9 @@ class _Torques:
         rows = np.linspace(span, len(even) - span - 1, ROWS).astype(int)
         omega = np.zeros((len(even), 3))
         if robot.is_free:
-            omega = _at(even, record.rate_time, record.omega)
-        torque, *_ = smoothed(_at(even, time, effort), rows, span, step)
-        motion = smoothed(_at(even, time, record.q), rows, span, step)
+            omega = interpolated(even, record.rate_time, record.omega)
+        torque, *_ = smoothed(interpolated(even, time, effort), rows, span, step)
+        motion = smoothed(interpolated(even, time, record.q), rows, span, step)
         position, rate, acceleration = motion
         model = joint_torques(robot, position, rate, acceleration, omega[rows])
         friction = np.stack([_span_of(_others(rate)) for rate in motion[1].T])
@@ -254,11 +255,6 @@ class _Torques:
 def _span(step: float) -> int:
     """Samples that are smoothed together, an odd number."""
     return 2 * max(2, round(0.5 * SPAN / step)) + 1
-
-
-def _at(times: Array, known: Array, values: Array) -> Array:
-    """(N, k) values at other times, linear between samples."""
-    return np.column_stack([np.interp(times, known, column) for column in values.T])
 
 
 def smoothed(values: Array, rows: IntArray, span: int, step: float) -> Array:

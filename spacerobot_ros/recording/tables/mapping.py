@@ -8,7 +8,7 @@ field below says itself how its entry is read.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,14 +16,13 @@ from typing import Any
 from ...errors import ConfigurationError
 from ...model.files import read_yaml
 from ...model.robot_settings import EFFORT_KINDS
-from ...model.schema import entry, param, parse_number, parse_section, parse_text
+from ...model.schema import Parser, entry, param, parse_number, parse_section, parse_text
 from .table import FORMATS
 
 QUATERNION_ORDERS = ('xyzw', 'wxyz')
 HEADERS = ('names', 'none')
 ORDERS = (*QUATERNION_ORDERS, 'rpy', 'yaw')  # angles about fixed axes x, y, z, or about z alone
 DIRECTIONS = ('base_to_inertial', 'inertial_to_base')
-Parser = Callable[[Any, str], Any]
 Named = tuple[tuple[str, Any], ...]
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 
-from ...errors import RecordingError
+from ...errors import RecordingError, did_you_mean
 
 TIME, ANGLE, LENGTH = 'time', 'angle', 'length'
 ANGULAR_RATE, LINEAR_RATE = 'angular rate', 'linear rate'
@@ -20,26 +19,14 @@ _SIZES: dict[str, dict[str, float]] = {
     ANGLE: {'rad': 1.0, 'mrad': 1e-3, 'deg': _DEG, 'arcsec': _DEG / 3600.0, 'turn': _TURN},
     LENGTH: {'m': 1.0, 'mm': 1e-3, 'cm': 1e-2, 'um': 1e-6},
     ANGULAR_RATE: {
-        'rad/s': 1.0,
-        'mrad/s': 1e-3,
-        'deg/s': _DEG,
-        'deg/h': _DEG / 3600.0,
-        'arcsec/s': _DEG / 3600.0,
-        'rpm': _TURN / 60.0,
-        'turn/s': _TURN,
+        **{'rad/s': 1.0, 'mrad/s': 1e-3, 'deg/s': _DEG, 'deg/h': _DEG / 3600.0},
+        **{'arcsec/s': _DEG / 3600.0, 'rpm': _TURN / 60.0, 'turn/s': _TURN},
     },
     LINEAR_RATE: {'m/s': 1.0, 'mm/s': 1e-3, 'cm/s': 1e-2},
     TORQUE: {
-        'N m': 1.0,
-        'mN m': 1e-3,
-        'uN m': 1e-6,
-        'kN m': 1e3,
-        'N cm': 1e-2,
-        'N mm': 1e-3,
-        'kgf cm': 0.0980665,
-        'lbf ft': 1.3558179483314004,
-        'lbf in': 0.1129848290276167,
-        'ozf in': 0.007061551814226043,
+        **{'N m': 1.0, 'mN m': 1e-3, 'uN m': 1e-6, 'kN m': 1e3, 'N cm': 1e-2, 'N mm': 1e-3},
+        **{'kgf cm': 0.0980665, 'lbf ft': 1.3558179483314004},
+        **{'lbf in': 0.1129848290276167, 'ozf in': 0.007061551814226043},
     },
     FORCE: {'N': 1.0, 'mN': 1e-3, 'kN': 1e3, 'lbf': 4.4482216152605},
     CURRENT: {'A': 1.0, 'mA': 1e-3},
@@ -83,6 +70,5 @@ def si_size(unit: str, quantity: str, place: str) -> float:
     other = next((q for q, sizes in _SIZES.items() if name in sizes), None)
     if other is not None:
         raise RecordingError(place, f'{unit!r} is a unit of {other}, expected one of {quantity}')
-    close = difflib.get_close_matches(name, known, n=1)
-    hint = f'did you mean {close[0]!r}?' if close else f'known: {", ".join(known)}'
+    hint = did_you_mean(name, known, f'known: {", ".join(known)}')
     raise RecordingError(place, f'unknown unit {unit!r} of {quantity} ({hint})')

@@ -10,8 +10,8 @@ from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation, Slerp
 
 from ...dynamics.equations import Dynamics
+from ...dynamics.integrate import RK4
 from ...dynamics.state import State
-from ...dynamics.tableaus import RK4
 from ...effects.motion import Motion
 from ...effects.robot_file import RobotFile
 from ...errors import ConfigurationError, SimulationDivergedError
