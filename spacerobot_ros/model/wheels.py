@@ -54,9 +54,8 @@ def build_rotors(options: RobotSettings, tree: Tree, frames: Frames) -> tuple[Ro
             if section == 'servicer_wheels' and body != 0:
                 why = f"the servicer's wheels are on {tree.root!r}, not on {joint.parent!r}"
                 raise ConfigurationError(place, why)
-            link = tree.links[joint.child]
-            masses = link.mass, link.com, link.inertia
-            part = Body(link.name, body, rotation, origin, joint.axis, False, *masses)
+            solid = tree.links[joint.child]
+            part = Body(joint.child, body, rotation, origin, joint.axis, False, *solid)
             rotors.append(Rotor(name, joint.parent, section == 'target_wheels', part, rates[i]))
     return tuple(rotors)
 

@@ -17,7 +17,7 @@ from ...model.robot import Robot
 from ...model.schema import parse_number
 from ...types import Array
 from ..effect import Effect
-from ..motion import Motion, inverse_mass
+from ..motion import Motion, mobility
 from ..parameter import Parameter
 from .formula_entry import Formula
 from .formula_quantities import OF_JOINTS, READING, is_axis, parts
@@ -155,8 +155,7 @@ class FormulaForce(WrittenFormula):
 
     def fastest(self, robot: Robot) -> float:
         """Rate at which it settles by what it makes of rates, or swings by its stiffness."""
-        law, column = self.formula, self._column(robot)
-        mobility = float(inverse_mass(robot)[column, column])
+        law, easy = self.formula, mobility(robot, self._column(robot))
         slopes = {'rate': 0.0, 'position': 0.0}
         for name in law.quantities:
             what = parts(name)[0]
@@ -164,7 +163,7 @@ class FormulaForce(WrittenFormula):
             if what in ('rate', 'base_rate', 'position', 'attitude'):
                 grid = _RATES if kind == 'rate' else _ANGLES
                 slopes[kind] = max(slopes[kind], self._slope(name, grid))
-        return max(slopes['rate'] * mobility, float(np.sqrt(slopes['position'] * mobility)))
+        return max(slopes['rate'] * easy, float(np.sqrt(slopes['position'] * easy)))
 
     def _slope(self, name: str, grid: Array) -> float:
         """Steepest slope by a quantity, the others at rest or anywhere."""

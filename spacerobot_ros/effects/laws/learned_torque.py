@@ -21,7 +21,7 @@ from ...model.robot import Robot
 from ...types import Array
 from ..effect import Effect
 from ..joint import STICTION_RATE
-from ..motion import Motion, inverse_mass
+from ..motion import Motion, mobility
 from .grammar import DAHL, QUANTITIES, Form, quantity
 from .hysteresis import fastest_share, followed, share_rate
 from .law_inputs import AXES, base_axes, is_component, quantity_along
@@ -233,16 +233,16 @@ class LearnedTorque(Effect):
 
     def fastest(self, robot: Robot) -> float:
         """Decay rate and natural frequency where the law is steepest."""
-        column = 6 + robot.joints.index(str(self.where))
-        mobility = float(inverse_mass(robot)[column, column])
-        if self.react:
-            mobility *= 4.0  # both joints at once, at the most
+        easy = self._mobility(robot) * (4.0 if self.react else 1.0)  # both joints at once, at most
         steepest = {'rate': 0.0, 'angle': 0.0}
         for name in self.inputs:
             what = quantity(name)[0]
             if what in steepest:
                 steepest[what] = max(steepest[what], self._slope(name))
-        return max(steepest['rate'] * mobility, math.sqrt(steepest['angle'] * mobility))
+        return max(steepest['rate'] * easy, math.sqrt(steepest['angle'] * easy))
+
+    def _mobility(self, robot: Robot) -> float:
+        return mobility(robot, 6 + robot.joints.index(str(self.where)))
 
     def _slope(self, name: str) -> float:
         """Steepest slope by an input, the others at their ends and in the middle."""
@@ -297,10 +297,8 @@ class LearnedHysteresis(LearnedTorque):
 
     def fastest(self, robot: Robot) -> float:
         """Of the joint on its contacts, or of contacts that begin to slide."""
-        column = 6 + robot.joints.index(str(self.where))
-        mobility = float(inverse_mass(robot)[column, column])
         displacement = self.options['displacement']
-        swing = math.sqrt(abs(self.coefficients[0]) * mobility / displacement)
+        swing = math.sqrt(abs(self.coefficients[0]) * self._mobility(robot) / displacement)
         return max(swing, fastest_share(displacement))
 
 
