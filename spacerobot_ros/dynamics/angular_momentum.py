@@ -38,6 +38,7 @@ from .spatial import (
     motion_cross,
     plus,
     put,
+    put6,
     put_column,
     rotate,
     times,
@@ -93,22 +94,13 @@ def angular_momentum(tree: Records, q: Array, omega: Array, qd: Array) -> Angula
             rates[6 + j] = qd[s, j]
         propagate(tree, q[s], rates, qd[s], links)
         place_inertias(tree, links)
-        _own_momenta(links, own)
+        for k in range(bodies):
+            put6(own[k], *apply_inertia(links[k], *_velocity(links, k)))
         compose(tree, links)
         for i in range(bodies - 1, 0, -1):
             add6(own[tree[i].parent], *get6(own[tree[i].number]))
         _write(links, own, s, out)
     return out
-
-
-@inner
-def _own_momenta(links: Records, own: Array) -> None:
-    """Write every body's momentum (b, 6) about the base's origin, before inertias are composed."""
-    for k in range(len(links)):
-        v, w = _velocity(links, k)
-        p, g = apply_inertia(links[k], v, w)
-        put(own[k], 0, p)
-        put(own[k], 3, g)
 
 
 @inner

@@ -46,6 +46,7 @@ Regression = tuple[Records, Records, Records, Records]
 """`BODY` records of its own, `WHEELS` records, and `LINK` records (overwritten) of the velocity
 and of the reference velocity."""
 _ZERO = (0.0, 0.0, 0.0)
+_ROW, _COLUMN = LOWER  # of the inertia, where its six numbers stand
 
 
 @compiled
@@ -155,7 +156,7 @@ def momentum_column(j: int, v: Triple, w: Triple) -> tuple[Triple, Triple]:
         return v, _ZERO
     if j < 4:
         return cross(w, unit(j - 1)), cross(unit(j - 1), v)
-    a, b = LOWER[0][j - 4], LOWER[1][j - 4]
+    a, b = _ROW[j - 4], _COLUMN[j - 4]
     g = times(w[b], unit(a))
     return _ZERO, g if a == b else plus(g, times(w[a], unit(b)))
 

@@ -138,7 +138,7 @@ class Rotor:
 
     Args:
         joint: Name of its joint.
-        link: The link that carries it.
+        link: The link that carries it; of the servicer, the root.
         is_target: Whether it belongs to the captured body (else to the servicer).
         body: The rotor itself; `body.parent` is the host body.
         rate: Relative rate at the start [rad/s].

@@ -56,7 +56,9 @@ def build_rotors(options: RobotSettings, tree: Tree, frames: Frames) -> tuple[Ro
                 raise ConfigurationError(place, why)
             solid = tree.links[joint.child]
             part = Body(joint.child, body, rotation, origin, joint.axis, False, *solid)
-            rotors.append(Rotor(name, joint.parent, section == 'target_wheels', part, rates[i]))
+            is_target = section == 'target_wheels'
+            link = joint.parent if is_target else tree.root
+            rotors.append(Rotor(name, link, is_target, part, rates[i]))
     return tuple(rotors)
 
 
@@ -67,7 +69,7 @@ def servicer_gyrostat(
     wheels, place = options.servicer_wheels, 'robot.servicer_wheels'
     if wheels.links not in ((), (tree.root,)):
         raise ConfigurationError(f'{place}.links', f"the servicer's wheels are on {tree.root!r}")
-    own = [replace(r, link=tree.root) for r in rotors if not r.is_target]
+    own = [r for r in rotors if not r.is_target]
     return _gyrostats(wheels, (tree.root,), frames, own, place)[0]
 
 
