@@ -19,6 +19,7 @@ from ...types import Array
 from ..effect import Effect
 from ..motion import Motion, mobility
 from ..parameter import Parameter
+from ..sensors.sensor_errors import SensorFault
 from .formula_entry import Formula
 from .formula_quantities import OF_JOINTS, READING, is_axis, parts
 from .law_inputs import AXES, base_axes, quantity_along
@@ -185,17 +186,13 @@ class FormulaForce(WrittenFormula):
         return (0 if law.key == 'force' else 3) + AXES.index(str(self.where)[-1])
 
 
-class FormulaReading(WrittenFormula):
+class FormulaReading(WrittenFormula, SensorFault):
     """A formula that is added to what a sensor says of its joint, or about its axis."""
 
     group = 'sensor'
 
-    def sense(
-        self, channel: str, value: Array, motion: Motion, hidden: Array | None = None
-    ) -> Array:
+    def faulty(self, value: Array, motion: Motion) -> Array:
         """The column of its channel changed."""
-        if channel != self.formula.channel:
-            return value
         where, out = str(self.where), np.array(value)
         column = AXES.index(where[-1]) if is_axis(where) else motion.column(where)
         out[:, column] += self.value(motion, out[:, column])
@@ -215,6 +212,7 @@ def _made(formula: Formula) -> type[WrittenFormula]:
         'needs_free_base': not formula.is_at_joint,
         'is_external': not (formula.is_at_joint or formula.channel),
         'formula': formula,
+        'channel': formula.channel,
         '__doc__': f'{formula.text}, by the robot file.',
     }
     base = FormulaReading if formula.channel else FormulaForce

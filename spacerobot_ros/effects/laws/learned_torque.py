@@ -194,7 +194,8 @@ class LearnedTorque(Effect):
 
     def torque(self, motion: Motion, hidden: Array) -> Array:
         """(N,) [N m], saturated and without what friction can not do."""
-        raw = self._columns(motion, hidden) @ np.array(self.coefficients)
+        columns = self.form(list(self._clipped(motion)), self.options)
+        raw = columns @ np.array(self.coefficients)
         torque = np.clip(raw, -self.limit, self.limit)
         rate = self._dragged(motion)
         return torque if rate is None else np.where(torque * rate > 0.0, 0.0, torque)
@@ -209,9 +210,6 @@ class LearnedTorque(Effect):
         low, high = np.array([self.range[name] for name in self.inputs], dtype=float).T[..., None]
         margin = _BEYOND * (high - low)
         return low - margin, high + margin
-
-    def _columns(self, motion: Motion, hidden: Array) -> Array:
-        return self.form(list(self._clipped(motion)), self.options)
 
     def _clipped(self, motion: Motion) -> Array:
         """(K, N) inputs; of one that nobody measures here the middle of its data."""
