@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -195,7 +196,9 @@ class ForcedMotion:
 def _affine_force(effect: Effect, motion: Motion, hidden: Array) -> tuple[Array, Array]:
     """Force of an effect at no acceleration (6 + n,), and its derivative by the accelerations."""
     size = 6 + motion.robot.n_joints
-    at = {key: np.repeat(getattr(motion, key), 1 + size, axis=0) for key in _REPEATED}
+    at: dict[str, Any] = {
+        key: np.repeat(getattr(motion, key), 1 + size, axis=0) for key in _REPEATED
+    }
     each = replace(motion, **at, acceleration=np.vstack([np.zeros(size), np.eye(size)]))
     forces = effect.force(each, np.repeat(hidden[None], 1 + size, axis=0))
     return forces[0], (forces[1:] - forces[0]).T
