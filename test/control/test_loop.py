@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from support.states import hold_step
 
 from spacerobot_ros.control.command import RateHistory
 from spacerobot_ros.control.joint_reference import PointToPoint
 from spacerobot_ros.control.loop import ControlLoop
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.integrate import hold_step
 from spacerobot_ros.dynamics.state import State, initial_state
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError, MessageRejectedError

@@ -190,7 +190,7 @@ def _turning(t: Array, f: float, c: float) -> tuple[Array, ...]:
     return np.sin(angle), np.cos(angle)
 
 
-_SWEEP = Form('sin, cos of 2 pi (f t + c t^2 / 2)', _turning, ((0,), (0,)), ('f', 'c'))
+_SWEEP = Form('sin, cos of 2 pi (f t + c t^2 / 2)', _turning, ((0,), (0,)))
 
 
 def _own_laws(joint: str, at: Extent) -> Iterator[Law]:

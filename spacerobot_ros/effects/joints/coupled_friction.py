@@ -10,6 +10,8 @@ from ..joint import STICTION_RATE, JointEffect, direction
 from ..motion import Motion, inverse_mass
 from ..parameter import amount, searched
 
+_RATIOS = {'minimum': -10.0, 'maximum': 10.0}
+
 
 class CoupledFriction(JointEffect):
     """T = C sign(u) + V u against u = q_j' + r q_k': tau_j = -T, tau_k = -r T.
@@ -33,16 +35,7 @@ class CoupledFriction(JointEffect):
     parameters = (
         amount('coulomb', 'N m', 3.0, 0.01, default=0.0),
         amount('viscous', 'N m s/rad', 10.0, 0.05, default=0.0),
-        searched(
-            'ratio',
-            '',
-            1.0,
-            nominal=1.0,
-            default=1.0,
-            minimum=-10.0,
-            maximum=10.0,
-            guesses=(1.0, -1.0),
-        ),
+        searched('ratio', '', 1.0, nominal=1.0, default=1.0, guesses=(1.0, -1.0), **_RATIOS),
     )
 
     @classmethod
