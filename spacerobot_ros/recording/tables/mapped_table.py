@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -121,14 +122,14 @@ class _Reader(ColumnReader):
             )
             parts |= efforts
         stamps, arrays = self.sampled(section.place, section.time, parts, may_lack)
-        arrays = {key: values[:, order] for key, values in arrays.items()}
+        samples: dict[str, Any] = {key: values[:, order] for key, values in arrays.items()}
         off = np.tile(passive[order], (len(stamps), 1))
-        off |= arrays.pop('enabled', np.ones_like(off)) == 0.0
-        arrays.setdefault('position', np.zeros(off.shape))  # of a wheel without an encoder
+        off |= samples.pop('enabled', np.ones_like(off)) == 0.0
+        samples.setdefault('position', np.zeros(off.shape))  # of a wheel without an encoder
         return JointSeries(
             tuple(names[i] for i in order),
             stamps,
-            **arrays,
+            **samples,
             unpowered=off if off.any() else None,
             in_amperes=tuple(names[i] for i in order if in_amperes[i]),
         )
