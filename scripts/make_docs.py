@@ -32,9 +32,10 @@ def main() -> int:
     shutil.rmtree(out, ignore_errors=True)
     for name in _COPIED:
         _copy(ROOT / name, pages / name)
-    for path in sorted((ROOT / 'docs').rglob('*')):
-        if path.suffix in _SUFFIXES:
-            _copy(path, pages / path.relative_to(ROOT))
+    for folder in ('docs', 'validation/results'):
+        for path in sorted((ROOT / folder).rglob('*')):
+            if path.suffix in _SUFFIXES:
+                _copy(path, pages / path.relative_to(ROOT))
     for path in sorted((ROOT / 'spacerobot_ros' / 'schemas').glob('*.json')):
         _copy(path, pages / path.relative_to(ROOT))
     _write(pages / 'reference' / 'commands.md', '\n'.join(_commands()))

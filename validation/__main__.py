@@ -24,6 +24,7 @@ from __future__ import annotations
 import argparse
 import math
 import os
+import re
 import sys
 import time
 from collections.abc import Sequence
@@ -33,19 +34,24 @@ from typing import NoReturn
 
 from spacerobot_ros.batch.workers import Workers
 from spacerobot_ros.cli.terminal import print_json, print_sections, progress
-from spacerobot_ros.display import Section
+from spacerobot_ros.display import (
+    KeyFigure,
+    KeyFigures,
+    Report,
+    Section,
+    markdown,
+    table_of,
+)
 from spacerobot_ros.errors import ConfigurationError, SpaceRobotError
 from spacerobot_ros.interrupts import interruptible
 from spacerobot_ros.json_values import json_text
 from spacerobot_ros.model.files import write_text
+from spacerobot_ros.report.html import write_report
 
-from .campaigns import CAMPAIGNS, Campaign, finish
-from .page import failed, missed, write_page
+from .campaigns import CAMPAIGNS, Campaign, Check, finish
 
 PROGRAMS = {
     'replay': 'what a change of the code changed of the answers to 130 recordings',
-    'mujoco': "the diagnosis campaign on MuJoCo's records",
-    'momentum-flights': "wheel momentum of drawn robots against MuJoCo's truth",
     'bench.simulation': 'simulators side by side at equal accuracy',
     'bench.regressor': "regressors beside Pinocchio's",
     'bench.scaling': 'time and memory of a diagnosis by joints and samples',
@@ -57,7 +63,6 @@ PROGRAMS = {
     'bench.killed_workers': 'records of a cluster whose workers are killed',
 }
 """Modules that parse options of their own, and what they measure."""
-_MODULES = {'mujoco': 'mujoco.campaign', 'momentum-flights': 'mujoco.momentum_flights'}
 _HERE = Path(__file__).resolve().parent
 
 
@@ -81,7 +86,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _program(name: str, *words: str) -> NoReturn:
     """Become a program: a benchmark is a script, whose peers know nothing of this package."""
     script = str(_HERE.joinpath(*name.split('.')).with_suffix('.py'))
-    module = f'{__package__}.{_MODULES.get(name, name)}'
+    module = f'{__package__}.{name}'
     begin = [script] if name.startswith('bench.') else ['-m', module]
     path = os.pathsep.join([str(_HERE.parent), os.environ.get('PYTHONPATH', '')])
     sys.stdout.flush()
@@ -134,22 +139,43 @@ def run(campaign: Campaign, args: argparse.Namespace) -> int:
     with progress() as stage:
         found = finish(campaign, keys, folder, workers, stage('running', len(keys)), minutes)
     results = experiment.results(found.records)
-    checks, tables = experiment.judge(results), experiment.tables(results)
+    checks, tables = campaign.judge(results), campaign.tables(results)
     data = {
         **{'schema': 1, 'experiment': campaign.name, **results, 'checks': checks},
         **{'failures': found.failures, 'wall_s': round(time.monotonic() - started, 1)},
     }
     write_text(folder / 'results.json', json_text(data))
     sections = [Section(table.title, [replace(table, title='')]) for table in tables]
-    drawings = campaign.drawings(found.records, results)
-    page = write_page(campaign, checks, drawings, sections, folder)
+    if campaign.is_kept:
+        write_text(folder / campaign.markdown, markdown(campaign.title, sections))
+    shown = [_asked(campaign, checks), *campaign.drawings(found.records, results), *sections]
+    page = write_report(Report(campaign.title, campaign.subtitle, shown), folder / 'report.html')
+    missed = [check for check in checks if not check.is_met]
     if args.json:
         print_json(data)
     else:
-        print_sections(
-            [*sections, Section('', [*missed(checks), *failed(found), f'report: {page}'])]
-        )
-    return 0 if all(check.is_met for check in checks) and not found.failures else 1
+        said = [f'{len(checks) - len(missed)} of {len(checks)} figures are reached']
+        said += [f'missed: {check}' for check in missed]
+        said += [f'failed: {key}: {why}' for key, why in found.failures.items()]
+        print_sections([*sections, Section('', [*said, f'report: {page}'])])
+    return int(bool(missed or found.failures))
+
+
+def _asked(campaign: Campaign, checks: Sequence[Check]) -> Section:
+    """Figures to reach; those that the reader came for in large."""
+    met, total = sum(check.is_met for check in checks), len(checks)
+    reached = f'{met} of {total}'
+    figures = [KeyFigure('figures reached', reached, status='good' if met == total else 'bad')]
+    for c in checks:
+        if re.search(campaign.headlines, c.what):
+            wanted, status = f'wanted: {c.low:.4g} to {c.high:.4g}', 'good' if c.is_met else 'bad'
+            figures.append(KeyFigure(c.what, f'{c.value:.4g}', c.unit, wanted, status))
+    table = table_of(
+        [{'c': c, 'reached': 'yes' if c.is_met else 'NO'} for c in checks],
+        'figure | value | from | to | unit | reached',
+        '{c.what} | {c.value:.4g} | {c.low:.4g} | {c.high:.4g} | {c.unit} | {reached}',
+    )
+    return Section('Figures to reach', [KeyFigures(figures), table])
 
 
 if __name__ == '__main__':

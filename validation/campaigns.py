@@ -1,8 +1,16 @@
-"""What a campaign is, and which there are.
+"""The harness of all campaigns: draw, simulate, ask, score, show; and which campaigns there are.
 
-A campaign draws trials, runs each to a plain JSON record, judges all records and shows them as
-tables and drawings. A trial is its key, a text that holds all that it depends on, its seed too:
-its record is the same in whatever order, on however many processes.
+A campaign's entry is in `campaigns.yaml`, its tables are in `tables/NAME.yaml`. Its module has
+
+- `trials(runs, is_quick)`: the keys of all trials; the longest first keeps all processes busy;
+- `run(key)`: the record of a trial, plain JSON data without its key;
+- `results(records)`: what the finished trials come to; not all need be there;
+- `shown(results)`, where tables and figures to reach need more: the results with that;
+- `judge(results)`, where figures to reach are no rows of a table: all of them, as `Check`;
+- `drawings(records, results)`, where something is drawn.
+
+A trial is its key, a text that holds all that it depends on, its seed too: its record is the same
+in whatever order, on however many processes.
 """
 
 from __future__ import annotations
@@ -10,67 +18,25 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Protocol, TypeVar, cast
+from types import ModuleType
+from typing import Any, TypeVar
 
 from spacerobot_ros.batch.runner import Finished, Kept, Tasks, TrialRecord, complete
 from spacerobot_ros.batch.workers import Workers
 from spacerobot_ros.display import Section, Table
 from spacerobot_ros.model.files import read_yaml
 
+from .tables import Check as Check
+from .tables import checks_of, tables_of
+
 _T = TypeVar('_T')
 _HERE = Workers()
 
 Results = dict[str, Any]
 """What all records come to: plain data, as in the command's JSON."""
-
-
-@dataclass(frozen=True, slots=True)
-class Check:
-    """A figure to reach.
-
-    Args:
-        what: The figure.
-        value: Reached.
-        low: Smallest good value. high: Largest good value.
-        unit: Of them.
-    """
-
-    what: str
-    value: float
-    low: float
-    high: float
-    unit: str = ''
-
-    @property
-    def is_met(self) -> bool:
-        """Whether the value is within its limits."""
-        return self.low <= self.value <= self.high
-
-    def to_json(self) -> dict[str, Any]:
-        """As in the command's JSON."""
-        return {**asdict(self), 'is_met': self.is_met}
-
-
-class Experiment(Protocol):
-    """What a campaign's module has."""
-
-    def trials(self, runs: int, is_quick: bool) -> list[str]:
-        """Keys of all trials; the longest first keeps all processes busy to the end."""
-
-    def run(self, key: str) -> TrialRecord:
-        """The record of a trial, without its key."""
-
-    def results(self, records: Sequence[TrialRecord]) -> Results:
-        """What the finished trials come to; not all need be there."""
-
-    def judge(self, results: Results) -> list[Check]:
-        """The figures to reach that could be computed."""
-
-    def tables(self, results: Results) -> list[Table]:
-        """What is shown, in order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,12 +46,13 @@ class Campaign:
     Args:
         name: Of the sub-command, or of the campaign in it.
         help: What it does.
-        module: Of this folder, or `.ROOM.NAME` where it needs ROS: an `Experiment`.
+        module: Of this folder.
         title: Of the page. subtitle: One line below it.
         runs: Number of runs; what it means, the help of `--runs` says. quick_runs: With `--quick`.
         headlines: Pattern of the figures that the page shows first.
         is_kept: Whether records are kept, to go on where it stopped, and tables stand in a file
             beside the page.
+        described: Name of the file of tables where it is another campaign's.
         alone: Beginnings of keys that are run before other processes compete.
     """
 
@@ -98,7 +65,8 @@ class Campaign:
     quick_runs: int
     headlines: str = ''
     is_kept: bool = False
-    alone: tuple[str, ...] = ()
+    described: str = ''
+    alone: Sequence[str] = ()
 
     @property
     def file(self) -> str:
@@ -107,17 +75,29 @@ class Campaign:
 
     @property
     def markdown(self) -> str:
-        """File with all tables; empty: none."""
-        return f'{self.name}.md' if self.is_kept else ''
+        """File with all tables, where records are kept."""
+        return f'{self.name}.md'
 
-    def load(self) -> Experiment:
+    def load(self) -> ModuleType:
         """The campaign's functions; imports what is heavy."""
-        return cast(Experiment, import_module(f'.{self.module}', __package__))
+        return import_module(f'.{self.module}', __package__)
+
+    def tables(self, results: Results) -> list[Table]:
+        """What is shown, in order."""
+        return tables_of(self.described or self.name, self._shown(results))
+
+    def judge(self, results: Results) -> list[Check]:
+        """The figures to reach that could be computed."""
+        if judge := getattr(self.load(), 'judge', None):
+            return judge(results)
+        return list(checks_of(self.described or self.name, self._shown(results)))
+
+    def _shown(self, results: Results) -> Results:
+        return getattr(self.load(), 'shown', lambda found: found)(results)
 
     def drawings(self, records: Sequence[TrialRecord], results: Results) -> list[Section]:
-        """What is drawn, in order; a module that draws has a function of this name."""
-        draw = getattr(self.load(), 'drawings', None)
-        return draw(records, results) if draw else []
+        """What is drawn, in order."""
+        return getattr(self.load(), 'drawings', lambda *_: [])(records, results)
 
 
 def finish(
@@ -130,7 +110,7 @@ def finish(
 ) -> Finished:
     """Run the trials of a campaign that a folder lacks; the folder exists, else as `complete`."""
     kept = Kept(folder / campaign.file if campaign.file else None)
-    tasks = Tasks(run=campaign.load().run, kept=kept, alone=campaign.alone)
+    tasks = Tasks(run=campaign.load().run, kept=kept, alone=tuple(campaign.alone))
     return complete(tasks, keys, workers, done, minutes)
 
 
@@ -157,12 +137,8 @@ def without(record: TrialRecord, *names: str) -> TrialRecord:
     return {name: value for name, value in record.items() if name not in names}
 
 
-def _described(name: str, values: dict[str, Any]) -> Campaign:
-    return Campaign(name=name, **{**values, 'alone': tuple(values.get('alone', ()))})
-
-
 CAMPAIGNS = {
-    name: _described(name, values)
+    name: Campaign(name=name, **values)
     for name, values in read_yaml(Path(__file__).with_name('campaigns.yaml'), 'campaigns').items()
 }
 """By name, as `campaigns.yaml` has them."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 MISFIT = 1e-4
 """Probability below which a model does not fit. A stated error rate: one clean record in 10,000 is
-`unexplained` for nothing; the campaign saw none in 284 (docs/diagnosis_campaign.md)."""
+`unexplained` for nothing; the campaign saw none in 284 (validation/results)."""
 
 INCONSTANT = 1e-4
 """Probability below which a cause's parameters are not the same all along the record. The same

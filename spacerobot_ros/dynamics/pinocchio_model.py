@@ -41,13 +41,10 @@ def in_pinocchio(robot: Robot) -> PinocchioModel:
         ids[0] = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), 'base')
         model.inertias[ids[0]] = _inertia(robot.bodies[0])
     ids += [-1] * robot.n_joints
+    slides, turns = pin.JointModelPrismaticUnaligned, pin.JointModelRevoluteUnaligned
     for index in tree_order(robot.bodies):
         body = robot.bodies[index]
-        kind = (
-            pin.JointModelPrismaticUnaligned
-            if body.is_prismatic
-            else pin.JointModelRevoluteUnaligned
-        )
+        kind = slides if body.is_prismatic else turns
         placement = pin.SE3(body.rotation, body.translation)
         ids[index] = model.addJoint(
             ids[body.parent], kind(body.axis), placement, robot.joints[index - 1]

@@ -18,8 +18,7 @@ from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.recording.npz import save_npz
 from spacerobot_ros.recording.read import read_record
-from validation.mujoco.robots import ROBOTS
-from validation.mujoco.truth import generate
+from validation.mujoco.truth import ROBOTS, generate
 
 DURATION = 9.0  # s
 SIGMA = 4.0  # of eleven numbers, one is beyond it by chance in one of 1400 sets of seeds

@@ -16,10 +16,9 @@ from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.refit import refine
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
-from validation.mujoco.robots import ROBOTS
 from validation.mujoco.run import Excitation
 from validation.mujoco.sensors import Sensors
-from validation.mujoco.truth import generate
+from validation.mujoco.truth import ROBOTS, generate
 
 DURATION = 8.0  # s
 

@@ -12,10 +12,10 @@ from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
-from validation.mujoco.robots import TruthRobot, chain
 from validation.mujoco.run import Excitation
 from validation.mujoco.sensors import Sensors
-from validation.mujoco.truth import generate
+from validation.mujoco.truth import generate, robot_of
+from validation.urdf import chain
 
 LINKS = [
     ('0 0 0.3', 'z', '0 0 0.02', 0.3, '2e-4 2e-4 1e-4', '50'),
@@ -27,13 +27,8 @@ LINKS = [
 
 def test_noise_of_efforts_acts_along_the_step(tmp_path):
     """It passes the wrist's inverse inertia, which is not what it is in the step's middle."""
-    wrist = TruthRobot(
-        chain('wrist', '', LINKS),
-        ('joint_1', 'joint_2', 'joint_3'),
-        free=False,
-        gravity=(0.0, 0.0, -9.81),
-        q0=(0.2, 0.1, 0.1),
-    )
+    joints = ('joint_1', 'joint_2', 'joint_3')
+    wrist = robot_of(chain(LINKS), joints, (0.2, 0.1, 0.1), free=False)
     case = generate(
         wrist,
         folder=tmp_path,

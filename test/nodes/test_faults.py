@@ -17,6 +17,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from spacerobot_msgs.msg import Tracking
 from support.bench import MS, NAMES, Bench
+from support.campaigns import missed
 
 from spacerobot_ros.nodes.program import NODES
 from spacerobot_ros.nodes.simulator import SimulatorNode
@@ -25,6 +26,7 @@ from spacerobot_ros.recording.clock_jumps import JumpDetector, Sample
 from spacerobot_ros.ros import executor
 from spacerobot_ros.ros.convert import compose, type_name
 from spacerobot_ros.ros.session import Session
+from validation.campaigns import CAMPAIGNS
 from validation.faults import damage, process_faults, process_loop, wrong_streams
 from validation.faults import fault_campaign as campaign
 from validation.faults.message_fuzz import Patient, is_finite, spoilt
@@ -103,9 +105,9 @@ def test_what_a_node_raises_or_says_is_seen(monkeypatch):
     record = campaign.odd_messages('controller', 1, 20)
     assert any('ZeroDivisionError' in name for name in record['raised'])
     rows = campaign.results([{'case': '["messages", "controller", 1, 20]', 'what': 'x', **record}])
-    missed = [check.what for check in campaign.judge(rows) if not check.is_met]
-    assert missed == ['messages, x: raised']
-    assert 'ZeroDivisionError' in str(campaign.tables(rows)[0].rows)
+    wrong = missed('faults', rows)
+    assert wrong == ['messages, x: raised']
+    assert 'ZeroDivisionError' in str(CAMPAIGNS['faults'].tables(rows)[0].rows)
 
 
 def test_odd_messages_are_those_that_a_wire_can_bring(rng):
@@ -246,12 +248,12 @@ def test_a_loop_that_harms_is_seen():
     record = {'what': 'simulator', 'odd': 1, 'raised': {}, 'zero': 9.0, 'known': None}
     record |= {'following': 1.0, 'error': 0.7, 'case': '["kills", "simulator", 1, 1]'}
     rows = campaign.results([record])
-    missed = [check.what for check in campaign.judge(rows) if not check.is_met]
-    assert missed == [
+    wrong = missed('faults', rows)
+    assert wrong == [
         'kills, simulator: joint error [deg]',
         'kills, simulator: time until there is no effort [s]',
     ]
-    assert '9' in str(campaign.tables(rows)[1].rows)
+    assert '9' in str(CAMPAIGNS['faults'].tables(rows)[1].rows)
 
 
 def test_half_of_a_flood_is_odd():
@@ -274,8 +276,8 @@ def test_a_flood_that_harms_is_seen():
     record = {'what': 'monitor', 'odd': 600_000, 'raised': {'ended': 1}, 'grown': 0.2}
     record |= {'valid': False, 'case': '["floods", "monitor", 1, 60.0]'}
     rows = campaign.results([record])
-    missed = [check.what for check in campaign.judge(rows) if not check.is_met]
-    assert missed == [
+    wrong = missed('faults', rows)
+    assert wrong == [
         'floods, monitor: estimates not valid',
         'floods, monitor: raised',
         'floods, monitor: share by which memory grew',

@@ -10,9 +10,9 @@ import numpy as np
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.catalogue import bind_effects, changed_robot
 from spacerobot_ros.simulation.plant import Plant
-from validation.mujoco.model import parse
-from validation.mujoco.plan import EFFECTS, Plan
+from validation.mujoco.plan import Plan
 from validation.mujoco.run import Simulation
+from validation.replay.plant import about, bodies_of
 
 from .models import (
     ATTITUDE_XYZW,
@@ -71,20 +71,31 @@ def run_mujoco(
     wheels: dict[str, np.ndarray] | None = None,
 ) -> End:
     """MuJoCo at the end, the effect added by the truth generator's own code."""
-    joints = [part.joint for part in parts[1:]]
-    plan = Plan(
-        parse(to_urdf(parts)), joints, 'base_link', free, np.array(gravity), dict(wheels or {})
-    )
-    EFFECTS[effect](plan, where, **values)
+    joints = tuple(part.joint for part in parts[1:])
+    own = {
+        'gravity': np.array(gravity),
+        'wheels': dict(wheels or {}),
+        'gain': np.ones(len(joints)),
+    }
+    plan = Plan(bodies_of(to_urdf(parts)), joints, 'base_link', free, **own)
+    plan.hide([(effect, where, values)])
     simulation = Simulation(plan, PERIOD / STEPS_A_PERIOD)
     simulation.place(Q0, ATTITUDE_XYZW, OMEGA)
-    simulation.torque = lambda _: TORQUE
+    simulation.torque = lambda: TORQUE
     history = simulation.run(
         round(seconds / PERIOD) * STEPS_A_PERIOD, STEPS_A_PERIOD, lambda _: None
     )
     w, x, y, z = history.attitude[-1]
     rotation = quaternion_matrix(np.array([x, y, z, w]))
     return End(history.q[-1], history.qd[-1], rotation, history.omega[-1])
+
+
+def point_mass(mass: float, com: tuple[float, float, float]) -> dict[str, float]:
+    """`inertial_parameters` of a mass [kg] at a point of the link's frame [m]."""
+    at, moments = mass * np.array(com), mass * about(np.array(com))
+    out = {'mass': mass, **dict(zip(('mx', 'my', 'mz'), at.tolist(), strict=True))}
+    pairs = [(i, j) for i in range(3) for j in range(i + 1)]
+    return out | {f'i{"xyz"[j]}{"xyz"[i]}': float(moments[i, j]) for i, j in pairs}
 
 
 def assert_same(ours: End, theirs: End, tolerance: float) -> None:

@@ -4,13 +4,14 @@ import json
 
 import numpy as np
 import pytest
+from support.campaigns import missed
 
 from spacerobot_ros.estimation.balance.balance import balance_of
 from spacerobot_ros.estimation.trajectory.observations import observed
 from validation.__main__ import main
 from validation.campaigns import CAMPAIGNS, key
 from validation.hidden import arm_campaign as campaign
-from validation.hidden.arm_campaign import CAUSES, judge, results, run, tables, trials
+from validation.hidden.arm_campaign import CAUSES, results, run, trials
 from validation.hidden.real_arm import HIDDEN, JOINTS, RealArm, arm_file
 from validation.shares import Share
 
@@ -51,14 +52,14 @@ def test_scores_by_hand():
     (cause,) = own['causes']
     assert (cause['missed'], cause['taken_for']) == (1, {'torque_sensor_bias': 1})
     assert found['compare']['first'] == Share(1, 1)
-    missed = [check.what for check in judge({'arms': found}) if not check.is_met]
-    assert missed == [
+    wrong = missed('arms', {'arms': found})
+    assert wrong == [
         'machines without a cause with a name',
         'causes named first',
         'diagnose: rms error by standard deviation',
         'compare: rms error by standard deviation',
     ]
-    assert len(tables({'arms': found})) == 3
+    assert len(CAMPAIGNS['arms'].tables({'arms': found})) == 3
 
 
 def test_every_cause_is_hidden_in_turn():

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -40,6 +38,7 @@ from validation.hidden.diagnosis_scenario import (
     simulated,
 )
 from validation.hidden.diagnosis_score import score
+from validation.results.draw import main as draw
 from validation.shares import Share
 
 DOCS = Path(__file__).resolve().parents[2] / 'docs'
@@ -341,9 +340,7 @@ def test_page_and_files_of_scores(tmp_path):
     assert '| gyro_bias | 1.000 (0.207 to 1.000) of 1 |' in text
     page = (tmp_path / 'report.html').read_text(encoding='utf-8')
     assert page.count('<div class="live"') == page.count('<table class="matrix"') == 1
-    script = DOCS / 'images' / 'diagnosis_campaign.py'
-    drawing = [sys.executable, str(script), str(tmp_path / 'results.json'), str(tmp_path)]
-    subprocess.run(drawing, check=True)
+    draw(tmp_path / 'results.json', tmp_path)
     for name in ('diagnosis_roc.svg', 'diagnosis_confusion.svg'):
         svg = ElementTree.fromstring((tmp_path / name).read_text(encoding='utf-8'))
         assert svg.tag == '{http://www.w3.org/2000/svg}svg'

@@ -7,11 +7,12 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from support.campaigns import missed
 
 from spacerobot_ros.effects.laws.learned_torque import law_at
+from validation.campaigns import CAMPAIGNS
 from validation.hidden import law_flights
-from validation.hidden.discovery_campaign import trials
-from validation.hidden.discovery_tables import LOOPS, judge, results, tables
+from validation.hidden.discovery_campaign import LOOPS, results, trials
 from validation.hidden.hidden_laws import COLOURS, LAWS, NOISE, LawArm
 from validation.hidden.law_flights import FIELD, FIXED, FLOWN, FREE, LawFlight
 from validation.hidden.law_flights import beyond as beyond_data
@@ -115,9 +116,9 @@ def test_scores_are_of_variables():
     assert group['transfer'] == 0.99
     assert scores['false'].value == pytest.approx(1 / 3)
     assert scores['timed'].value == pytest.approx(1 / 3)
-    missed = [check.what for check in judge({'discovery': scores}) if not check.is_met]
-    assert len(missed) == 3  # right, wrong, false
-    assert len(tables({'discovery': scores})) == 4
+    unreached = missed('discovery', {'discovery': scores})
+    assert len(unreached) == 3  # right, wrong, false
+    assert len(CAMPAIGNS['discovery'].tables({'discovery': scores})) == 4
 
 
 def test_a_cause_counts_by_its_variables_and_where_it_holds():
@@ -154,6 +155,6 @@ def test_learned_laws_count_at_work_and_beyond_their_data():
     assert (work['fed_forward'], work['learned']) == (2, 2)
     assert work['removed'] == pytest.approx(0.75)
     assert (work['beyond'], work['fed_in']) == (1.6, 0.01)
-    missed = [check.what for check in judge({'discovery': scores}) if not check.is_met]
-    assert sum('removed' in what for what in missed) == 1
-    assert sum('three times' in what or 'feeds in' in what for what in missed) == 2
+    unreached = missed('discovery', {'discovery': scores})
+    assert sum('removed' in what for what in unreached) == 1
+    assert sum('three times' in what or 'feeds in' in what for what in unreached) == 2

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.campaigns import missed
 from support.diagnosis import hand_made
 
 from spacerobot_ros.diagnosis.events.event import Event, EventLimit, Events
@@ -18,13 +19,12 @@ from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
+from validation.campaigns import CAMPAIGNS
 from validation.hidden import event_machines
 from validation.hidden.event_campaign import (
     _match,
-    judge,
     results,
     run,
-    tables,
     trials,
 )
 from validation.hidden.event_machines import MACHINES, HiddenPulse
@@ -159,18 +159,18 @@ def test_scores_by_size_and_false_events_by_the_hour():
     moving, still = every['events']['quiet']
     assert moving['per_hour'] == pytest.approx(50.0)  # one in two records of a hundredth
     assert (still['unjudged'], moving['unjudged']) == (1, 0)
-    missed = [check.what for check in judge(every) if not check.is_met]
-    assert missed == ['arms that move: false events an hour']
-    assert len(tables(every)) == 2
+    wrong = missed('events', every)
+    assert wrong == ['arms that move: false events an hour']
+    assert len(CAMPAIGNS['events'].tables(every)) == 2
 
 
 def test_late_or_wrong_sizes_are_missed():
     bad = results([record(pulse(20.0, off=0.2, error=0.3), pulse(20.0, is_named=False))])
-    missed = {check.what.rpartition(': ')[2] for check in judge(bad) if not check.is_met}
-    assert missed == {'named', 'middle, 95 % within', 'size, median error'}
+    wrong = {what.rpartition(': ')[2] for what in missed('events', bad)}
+    assert wrong == {'named', 'middle, 95 % within', 'size, median error'}
 
 
 def test_times_of_steps_count_by_their_deviation():
     steps = [pulse(20.0, off=0.2, std=0.1), pulse(40.0, off=0.2, std=0.05)]
-    missed = [c.what for c in judge(results([record(*steps, kind='base')])) if not c.is_met]
-    assert missed == ['free bases, wheels unknown, snr 40: middle by its deviation, 95 % within']
+    wrong = missed('events', results([record(*steps, kind='base')]))
+    assert wrong == ['free bases, wheels unknown, snr 40: middle by its deviation, 95 % within']

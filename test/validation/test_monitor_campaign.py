@@ -4,11 +4,12 @@ import json
 import math
 
 import pytest
+from support.campaigns import missed
 
 from validation.__main__ import main
 from validation.campaigns import CAMPAIGNS
 from validation.hidden import monitor_campaign as campaign
-from validation.hidden.monitor_campaign import faulty, judge, nominal, results, trials
+from validation.hidden.monitor_campaign import faulty, nominal, results, trials
 from validation.hidden.monitor_flights import FAULTS, Flight, in_flight
 
 
@@ -22,11 +23,6 @@ def loud(**more):
     """A flight with a fault that is raised after 2 s."""
     line = {'robot': 'servicer', 'fault': 'gyro_bias', 'size': 1e-3, 'early': 0}
     return {**line, 'raised': 2.0, 'first': 'gyro x', 'cleared': 9.0, **more}
-
-
-def missed(lines):
-    """Names of the figures that are not reached."""
-    return [check.what for check in judge(results(lines)) if not check.is_met]
 
 
 def test_scores_of_flights_by_hand():
@@ -47,8 +43,8 @@ def test_scores_of_flights_by_hand():
     ],
 )
 def test_what_goes_wrong_is_told(line, what):
-    assert missed([quiet(), loud()]) == []
-    assert [what in text for text in missed([line])] == [True]
+    assert missed('monitor', results([quiet(), loud()])) == []
+    assert [what in text for text in missed('monitor', results([line]))] == [True]
 
 
 def test_a_flight_that_is_never_raised_has_no_delay():

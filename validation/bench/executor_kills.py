@@ -9,7 +9,6 @@ ends it by SIGINT or SIGTERM. Prints how the processes ended: `0` alone is right
 
 from __future__ import annotations
 
-import argparse
 import random
 import signal
 import subprocess
@@ -17,6 +16,7 @@ import sys
 from collections import Counter
 
 import rclpy
+from nodes import options
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
@@ -101,12 +101,7 @@ def trials(count: int, seed: int) -> Counter[object]:
 
 def main() -> int:
     """Run the trials, or a process of them."""
-    parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
-    parser.add_argument('--trials', type=int, default=200)
-    parser.add_argument('--seed', type=int, default=1)
-    parser.add_argument('--churn', action='store_true', help=argparse.SUPPRESS)
-    parser.add_argument('--listen', action='store_true', help=argparse.SUPPRESS)
-    args = parser.parse_args()
+    args = options(__doc__, trials=200, seed=1, churn=False, listen=False)
     if args.churn:
         churn()
     if args.listen:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -109,3 +109,43 @@ def rk4(machine: Any, scenario: str, step: float) -> Outcome:
         machine.x = x
 
     return run_seconds(advance, machine.state)
+
+
+def by_step(
+    run: Callable[[str, float], Outcome], steps: Sequence[float], scheme: str = 'RK4'
+) -> list[Setting]:
+    """Settings of both scenarios from coarse to fine; held torques need whole steps a period."""
+    return [
+        (scenario, f'{scheme} {1e3 * h:g} ms', lambda s=scenario, h=h: run(s, h))
+        for scenario in servicer.SCENARIOS
+        for h in steps
+        if scenario == 'smooth' or h <= servicer.PERIOD
+    ]
+
+
+def stepped(machine: Any, scenario: str, state: Callable[[], tuple]) -> Outcome:
+    """An engine with a simulator of its own.
+
+    Args:
+        machine: `run_to(t)`, and `hold(torques)` from now on, for every control period of `held`.
+        scenario: smooth or held.
+        state: As `run_seconds` asks for.
+    """
+    torques, periods = held_torques(), round(1.0 / servicer.PERIOD)
+
+    def advance(second: int) -> None:
+        if scenario == 'smooth':
+            machine.run_to(second + 1.0)
+            return
+        for k in range(second * periods, (second + 1) * periods):
+            machine.hold(torques[k])
+            machine.run_to((k + 1) * servicer.PERIOD)
+
+    return run_seconds(advance, state)
+
+
+def start_vector() -> np.ndarray:
+    """Position, quaternion, joints, twist in the base's frame, rates, at the start."""
+    zeros = np.zeros(len(servicer.JOINTS))
+    parts = (np.zeros(3), servicer.ATTITUDE_XYZW, zeros, np.zeros(3), servicer.OMEGA_B)
+    return np.concatenate([*parts, servicer.RATES])

@@ -4,20 +4,20 @@
 
 Short seeded records of an arm, one cause in each. First one process diagnoses them all; then three
 workers of a Dask scheduler of this machine, two of which are killed at drawn moments and one of
-which is started. Every number of both tables but run times is compared by its bits.
+which is started. Every number of both tables is compared by its bits, which `repr` tells.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import subprocess
 import sys
 import tempfile
-import time
 from functools import cache
 from pathlib import Path
+
+from nodes import options
 
 _JOINTS, _DURATION, _WORKERS = 3, 4.0, 3
 
@@ -33,29 +33,17 @@ def _robot_file():
 
 
 def row_of(key: str) -> dict:
-    """The row of one record."""
+    """All that is said of one record."""
     from scaling import FEW, record_of
 
+    from spacerobot_ros.diagnosis.answer.output import to_dict
     from spacerobot_ros.diagnosis.diagnose import diagnose
     from spacerobot_ros.effects.catalogue import CATALOGUE
 
-    file, started = _robot_file(), time.process_time()
+    file = _robot_file()
     record = record_of(file.robot, _DURATION, int(key))
-    found = diagnose(record, file.robot, file.effects, [CATALOGUE[name] for name in FEW])
-    return {
-        'record': key,
-        'verdict': found.verdict,
-        'fit_p': found.fit_p,
-        'null_p': found.null_p,
-        'before': found.gain.before,
-        'after': found.gain.after,
-        'causes': [
-            (c.applied.id, c.applied.where, name, e.value, e.std)
-            for c in found.causes
-            for name, e in c.parameters.items()
-        ],
-        'run_time': time.process_time() - started,
-    }
+    kinds = [CATALOGUE[name] for name in FEW]
+    return to_dict(diagnose(record, file.robot, file.effects, kinds))
 
 
 def _started(env: dict, *words: str, stderr: int = subprocess.DEVNULL) -> subprocess.Popen:
@@ -98,24 +86,16 @@ def disturbed(keys: list[str], seed: int) -> dict[str, dict]:
     return rows
 
 
-def _numbers(row: dict) -> str:
-    """All of a row but its run time; `repr` of a number tells its bits."""
-    return repr({name: value for name, value in row.items() if name != 'run_time'})
-
-
 def main() -> int:
     """Compare both tables; 0 where they are the same."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--count', type=int, default=200)
-    parser.add_argument('--seed', type=int, default=0)
-    args = parser.parse_args()
+    args = options(__doc__, count=200, seed=0)
     keys = [str(k) for k in range(args.count)]
     found = disturbed(keys, args.seed)
     alone = {key: row_of(key) for key in keys}
-    other = [key for key in keys if _numbers(alone[key]) != _numbers(found[key])]
+    other = [key for key in keys if repr(alone[key]) != repr(found[key])]
     print(f'{len(keys) - len(other)} of {len(keys)} rows are the same to the last bit')
     if other:
-        print(_numbers(alone[other[0]]), _numbers(found[other[0]]), sep='\n')
+        print(alone[other[0]], found[other[0]], sep='\n')
     return bool(other)
 
 

@@ -9,16 +9,13 @@ machine that does other work, too, its times say what that work costs.
 
 from __future__ import annotations
 
-import argparse
 import os
-import signal
-import subprocess
-import sys
 import time
 from contextlib import suppress
 
 import numpy as np
 import rclpy
+from nodes import node, options, running
 from rclpy.executors import ExternalShutdownException
 from sensor_msgs.msg import JointState
 from spacerobot_msgs.msg import Estimate
@@ -35,23 +32,10 @@ BEGIN = 15.0  # s in which nodes start and the first estimates come
 def echo() -> None:
     """Send joint states back until stopped."""
     with suppress(KeyboardInterrupt, ExternalShutdownException), rclpy.init():
-        node = rclpy.create_node('echo')
-        publisher = node.create_publisher(JointState, '/echo', STATE)
-        node.create_subscription(JointState, '/joint_states', publisher.publish, STATE)
-        rclpy.spin(node)
-
-
-def started(robot: str) -> list[subprocess.Popen]:
-    """The processes."""
-    common = ['--ros-args', '--params-file', robot]
-    for setting in ('simulator.lockstep:=false', 'reference.repeat:=true'):
-        common += ['-p', setting]
-    commands = []
-    for node, share in NODES.items():
-        own = ['-p', f'use_sim_time:={node != "simulator"}', '-p', f'scheduling:={share}']
-        begin = f'from spacerobot_ros.nodes.entry import {node}; {node}()'
-        commands.append(['-c', begin, *common, *own])
-    return [subprocess.Popen([sys.executable, *c]) for c in (*commands, [__file__, '--echo'])]
+        mirror = rclpy.create_node('echo')
+        publisher = mirror.create_publisher(JointState, '/echo', STATE)
+        mirror.create_subscription(JointState, '/joint_states', publisher.publish, STATE)
+        rclpy.spin(mirror)
 
 
 def heard(seconds: float) -> tuple[dict[str, dict], list[Estimate]]:
@@ -60,21 +44,21 @@ def heard(seconds: float) -> tuple[dict[str, dict], list[Estimate]]:
     estimates: list[Estimate] = []
     os.nice(19)  # who listens is in nobody's way
     with rclpy.init():
-        node = rclpy.create_node('ears')
+        ears = rclpy.create_node('ears')
 
         def listen(topic: str) -> None:
             def take(message: JointState, info: dict) -> None:
                 stamp = message.header.stamp
                 sent[topic].setdefault((stamp.sec, stamp.nanosec), info['source_timestamp'])
 
-            node.create_subscription(JointState, topic, take, SAMPLES)
+            ears.create_subscription(JointState, topic, take, SAMPLES)
 
         for topic in sent:
             listen(topic)
-        node.create_subscription(Estimate, '/estimate', estimates.append, LATCHED)
+        ears.create_subscription(Estimate, '/estimate', estimates.append, LATCHED)
         begin = time.monotonic() + BEGIN
         while time.monotonic() < begin + seconds:
-            rclpy.spin_once(node, timeout_sec=0.1)
+            rclpy.spin_once(ears, timeout_sec=0.1)
             if time.monotonic() < begin:
                 for times in sent.values():
                     times.clear()
@@ -83,29 +67,21 @@ def heard(seconds: float) -> tuple[dict[str, dict], list[Estimate]]:
 
 def main() -> None:
     """Run, and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--seconds', type=float, default=60.0)
-    parser.add_argument('--robot', default='config/servicer.yaml')
-    parser.add_argument('--echo', action='store_true', help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    if options.echo:
+    asked_for = options(__doc__, seconds=60.0, robot='config/servicer.yaml', echo=False)
+    if asked_for.echo:
         echo()
         return
-    processes = started(options.robot)
-    try:
-        sent, estimates = heard(options.seconds)
-    finally:
-        for process in processes:
-            process.send_signal(signal.SIGINT)
-        for process in processes:
-            process.wait(10.0)
+    robot = asked_for.robot
+    commands = {name: node(name, robot, scheduling=share) for name, share in NODES.items()}
+    with running({**commands, 'echo': [__file__, '--echo']}):
+        sent, estimates = heard(asked_for.seconds)
     asked = sent.pop('/joint_states')
     print(f'{"":16s} {"median":>7s} {"90 %":>7s} {"99 %":>7s} {"99.9 %":>7s} {"all":>7s}  [ms]')
     for topic, times in sent.items():
         late = [(times[stamp] - ns) * 1e-6 for stamp, ns in asked.items() if stamp in times]
         row = ' '.join(f'{x:7.2f}' for x in np.percentile(late, [50.0, 90.0, 99.0, 99.9, 100.0]))
         print(f'{topic:16s} {row}  of {len(late)}; {len(asked) - len(late)} without')
-    file = load_robot_file(options.robot)
+    file = load_robot_file(robot)
     true = build_plant(file.robot, file.settings).robot.target_momentum
     if estimates and len(true):
         last = estimates[-1]

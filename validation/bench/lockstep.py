@@ -5,8 +5,9 @@ python -m validation bench.lockstep [--steps 1800] [--runs 3]
 
 from __future__ import annotations
 
-import argparse
 import time
+
+from nodes import options, run_to
 
 from spacerobot_ros.nodes.controller import ControllerNode
 from spacerobot_ros.nodes.identifier import IdentifierNode
@@ -31,25 +32,18 @@ def step_time(kinds: tuple, steps: int) -> float:
         for kind in kinds:
             session.add(kind, settings, file.robot.urdf)
         simulator = session.add(SimulatorNode, settings, file.robot.urdf, owns_time=True)
-        for stop in (BEGIN, BEGIN + steps):
-            begin = time.process_time()
-            simulator.stop_at = stop
-            simulator.pause(False)
-            session.until(
-                lambda: simulator.step_index >= simulator.stop_at, lambda: simulator.step_index
-            )
+        run_to(BEGIN, simulator, session)
+        begin = time.process_time()
+        run_to(BEGIN + steps, simulator, session)
         return (time.process_time() - begin) / steps
 
 
 def main() -> None:
     """Print a line for every loop."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--steps', type=int, default=1800)
-    parser.add_argument('--runs', type=int, default=3)
-    options = parser.parse_args()
+    asked = options(__doc__, steps=1800, runs=3)
     period = packaged('servicer').settings.simulator.period
     for name, kinds in LOOPS.items():
-        times = [step_time(kinds, options.steps) for _ in range(options.runs)]
+        times = [step_time(kinds, asked.steps) for _ in range(asked.runs)]
         milliseconds = ', '.join(f'{1e3 * t:.2f}' for t in times)
         real = ', '.join(f'{period / t:.1f}' for t in times)
         print(f'{name:24} {milliseconds} ms; {real} times real time', flush=True)

@@ -12,40 +12,31 @@ Not much below 50 Hz: where joints 1 and 3 of the servicer are parallel, a torqu
 
 from __future__ import annotations
 
-import argparse
 import gc
-import os
 import sys
 import time
-from pathlib import Path
+
+from nodes import options, run_to
 
 from spacerobot_ros.nodes.controller import ControllerNode
 from spacerobot_ros.nodes.identifier import IdentifierNode
 from spacerobot_ros.nodes.monitor import MonitorNode
 from spacerobot_ros.nodes.simulator import SimulatorNode
 from spacerobot_ros.ros.session import Session
+from validation.faults.process_loop import resident
 from validation.hidden.diagnosis_scenario import packaged
-
-
-def resident() -> float:
-    """Memory of this process [MB]."""
-    pages = int(Path('/proc/self/statm').read_text(encoding='ascii').split()[1])
-    return pages * os.sysconf('SC_PAGE_SIZE') / 2**20
 
 
 def main() -> int:
     """Run, and print a line for every 10 minutes of stamps; 1 where something was wrong."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--hours', type=float, default=24.0)
-    parser.add_argument('--rate', type=float, default=50.0, help='of control and sensors [Hz]')
-    options = parser.parse_args()
+    asked = options(__doc__, hours=24.0, rate=50.0)
     file = packaged('servicer')
-    rates = dict.fromkeys(('joint_rate', 'imu_rate'), options.rate)
-    given = {'period': 1.0 / options.rate, 'attitude_rate': options.rate / 10.0, **rates}
+    rates = dict.fromkeys(('joint_rate', 'imu_rate'), asked.rate)
+    given = {'period': 1.0 / asked.rate, 'attitude_rate': asked.rate / 10.0, **rates}
     settings = file.settings.changed(
         {
             **{f'simulator.{name}': value for name, value in given.items()},
-            'controller.state_timeout': 3.0 / options.rate,
+            'controller.state_timeout': 3.0 / asked.rate,
             'identifier.solve_period': 10.0,
             'monitor.block': 2.0,
             'reference.repeat': True,
@@ -60,12 +51,8 @@ def main() -> int:
         simulator = session.add(SimulatorNode, settings, file.robot.urdf, owns_time=True)
         identifier, monitor, _ = nodes
         is_right = True
-        for part in range(1, round(6.0 * options.hours) + 1):
-            simulator.stop_at = round(600.0 * part * options.rate)
-            simulator.pause(False)
-            session.until(
-                lambda: simulator.step_index >= simulator.stop_at, lambda: simulator.step_index
-            )
+        for part in range(1, round(6.0 * asked.hours) + 1):
+            run_to(round(600.0 * part * asked.rate), simulator, session)
             gc.collect()
             found = identifier.estimate
             said = 'valid' if found and found.valid else 'not valid'
@@ -73,7 +60,7 @@ def main() -> int:
             is_right = is_right and said == 'valid' and not alarms
             print(
                 f'{part / 6:5.2f} h of stamps, {time.process_time():6.0f} s of the processor: '
-                f'{resident():6.1f} MB; {said}, {alarms} alarms',
+                f'{resident("self") / 2**20:6.1f} MB; {said}, {alarms} alarms',
                 flush=True,
             )
     return 0 if is_right else 1

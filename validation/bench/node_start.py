@@ -9,17 +9,15 @@ a process adds to the machine (proportional set size) and its share of a core.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
-import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import rclpy
+from nodes import node, options, running
 from sensor_msgs.msg import JointState
 from spacerobot_msgs.msg import Estimate
 
@@ -28,16 +26,6 @@ TOPICS = {'/joint_states': JointState, '/estimate': Estimate, '/joint_commands':
 TICKS = os.sysconf('SC_CLK_TCK')
 Figures = dict[str, dict[str, Any]]
 PATIENCE = 180.0  # s for all topics to have a message
-
-
-def start(name: str, robot: str) -> subprocess.Popen[bytes]:
-    """A node as `ros2 run` starts it, or `composed`."""
-    given = ['--ros-args', '--params-file', robot, '-p', 'simulator.lockstep:=false']
-    given += ['-p', 'reference.repeat:=true']
-    if name in NODES[1:]:
-        given += ['-p', 'use_sim_time:=true']
-    begin = f'import sys; from spacerobot_ros.nodes.entry import {name}; sys.exit({name}())'
-    return subprocess.Popen([sys.executable, '-c', begin, *given])
 
 
 def cpu(process: subprocess.Popen[bytes]) -> float:
@@ -86,26 +74,6 @@ def at_work(processes: dict[str, subprocess.Popen[bytes]], seconds: float) -> Fi
     return {'share': share, 'pss_mb': {name: memory(p) for name, p in processes.items()}}
 
 
-def stop(process: subprocess.Popen[bytes]) -> None:
-    """Wait for a process that was asked to end; one that does not is killed."""
-    try:
-        process.wait(20.0)
-    except subprocess.TimeoutExpired:
-        process.kill()
-
-
-def run(names: tuple[str, ...], robot: str, seconds: float) -> Figures:
-    """Start processes, watch them, and stop them."""
-    processes = {name: start(name, robot) for name in names}
-    try:
-        return first_messages(processes) | at_work(processes, seconds)
-    finally:
-        for process in processes.values():
-            process.send_signal(signal.SIGINT)
-        for process in processes.values():
-            stop(process)
-
-
 def table(found: Figures) -> str:
     """The figures of a run."""
     wall, lines = found['wall_s'], []
@@ -120,17 +88,14 @@ def table(found: Figures) -> str:
 
 def main() -> None:
     """Run, and print a table or a JSON line a run."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--composed', action='store_true', help='all nodes in one process')
-    parser.add_argument('--seconds', type=float, default=20.0, help='at work, once all have begun')
-    parser.add_argument('--runs', type=int, default=3)
-    parser.add_argument('--robot', default='config/servicer.yaml')
-    parser.add_argument('--json', action='store_true')
-    options = parser.parse_args()
-    names = ('composed',) if options.composed else NODES
-    for _ in range(options.runs):
-        found = run(names, options.robot, options.seconds)
-        print(json.dumps(found) if options.json else table(found), flush=True)
+    asked = options(
+        __doc__, composed=False, seconds=20.0, runs=3, robot='config/servicer.yaml', json=False
+    )
+    names = ('composed',) if asked.composed else NODES
+    for _ in range(asked.runs):
+        with running({name: node(name, asked.robot) for name in names}) as processes:
+            found = first_messages(processes) | at_work(processes, asked.seconds)
+        print(json.dumps(found) if asked.json else table(found), flush=True)
 
 
 if __name__ == '__main__':

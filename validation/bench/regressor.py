@@ -9,8 +9,6 @@ accelerations, whose first rows are the momentum.
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -19,7 +17,8 @@ import harness
 import numpy as np
 import pinocchio as pin
 import servicer
-from simulation import machine
+from nodes import options
+from simulation import machine, written
 
 from spacerobot_ros.dynamics.blocks import BlockTree
 from spacerobot_ros.dynamics.pinocchio_model import in_pinocchio
@@ -31,10 +30,8 @@ SAMPLES, ROWS, REPEATS = 2000, 3, 7
 
 def main() -> int:
     """Measure, print and write."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    output = Path(__file__).resolve().parents[2] / 'out/bench/regressor.json'
-    parser.add_argument('--output', type=Path, default=output)
-    options = parser.parse_args()
+    where = Path(__file__).resolve().parents[2] / 'out/bench/regressor.json'
+    output = options(__doc__, output=where).output
     joints = [f'j_{name}' for name in servicer.JOINTS]
     wheels = {
         'servicer_wheels': {'joints': joints[3:6], 'rates': [0.0] * 3},
@@ -56,13 +53,9 @@ def main() -> int:
         for pose, rate in zip(poses, rates, strict=True):
             pin.computeJointTorqueRegressor(model, data, pose, zero, rate)
 
-    times = {
-        'spacerobot_ros': microseconds_a_row(ours),
-        'Pinocchio': microseconds_a_row(pinocchio),
-    }
-    results = {'machine': machine(), 'microseconds_a_row': times}
-    options.output.parent.mkdir(parents=True, exist_ok=True)
-    options.output.write_text(json.dumps(results, indent=1) + '\n')
+    engines = {'spacerobot_ros': ours, 'Pinocchio': pinocchio}
+    times = {name: microseconds_a_row(batch) for name, batch in engines.items()}
+    written(output, {'machine': machine(), 'microseconds_a_row': times})
     print('momentum regressor, us a sample-row on one core:')
     for engine, value in times.items():
         print(f'{engine:24s}{value:8.2f}')

@@ -1,6 +1,6 @@
 """Cost of a diagnosis as work grows: length of the record, joints, effects, recordings.
 
-    python -m validation bench.scaling [--out docs/images/scaling.svg] [--json]
+    python -m validation bench.scaling [--out validation/results/images/scaling.svg]
 
 An arm of n joints, its motion prescribed, its torques by Pinocchio's RNEA with noise and one cause
 that its file lacks. Every figure is of a process of its own: processor time without imports and
@@ -9,14 +9,18 @@ compiling, and the most memory that it had.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import resource
 import subprocess
 import sys
 import time
+from itertools import cycle
 from pathlib import Path
+
+from nodes import options
+
+from validation.urdf import chain
 
 RATE = 100.0  # Hz
 HIDDEN = 3.0  # N m s/rad at joint_2
@@ -26,20 +30,12 @@ FEW = ('joint_viscous_friction', 'joint_coulomb_friction', 'torque_sensor_bias')
 
 def robot_file(n: int, states_noise: bool, folder: Path) -> Path:
     """A chain of n joints on the ground, axes z and y in turn."""
-    links = ['<robot name="arm"><link name="base_link"/>']
-    parent = 'base_link'
-    for k in range(1, n + 1):
-        mass, axis = 8.0 / k, '0 0 1' if k % 2 else '0 1 0'
-        links.append(
-            f'<link name="link_{k}"><inertial><origin xyz="0.02 0 0.1"/><mass value="{mass}"/>'
-            f'<inertia ixx="{0.01 * mass}" iyy="{0.01 * mass}" izz="{0.005 * mass}" ixy="0" '
-            'ixz="0" iyz="0"/></inertial></link>'
-            f'<joint name="joint_{k}" type="revolute"><parent link="{parent}"/>'
-            f'<child link="link_{k}"/><origin xyz="0 0 0.25"/><axis xyz="{axis}"/>'
-            '<limit lower="-6" upper="6" effort="1e4" velocity="9"/></joint>'
-        )
-        parent = f'link_{k}'
-    (folder / 'arm.urdf').write_text('\n'.join([*links, '</robot>']), encoding='utf-8')
+    masses = [8.0 / k for k in range(1, n + 1)]
+    links = [
+        (*('0 0 0.25', axis, '0.02 0 0.1', m), f'{0.01 * m} {0.01 * m} {0.005 * m}', 1e4)
+        for m, axis in zip(masses, cycle('zy'), strict=False)
+    ]
+    (folder / 'arm.urdf').write_text(chain(links, velocity=9.0), encoding='utf-8')
     noise = f'sensors: {json.dumps(STD)}' if states_noise else ''
     names = ', '.join(f'joint_{k}' for k in range(1, n + 1))
     path = folder / 'arm.yaml'
@@ -104,20 +100,14 @@ def measure(n: int, duration: float, states_noise: bool, few: bool, folder: Path
         'before_mb': before / 1024.0,
         'peak_mb': resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
         'verdict': found.verdict,
-        'causes': [
-            f'{c.applied.id}@{c.applied.where} {e.value:.5g} +- {e.std:.2g}'
-            for c in found.causes
-            for e in c.parameters.values()
-        ],
     }
 
 
 BASE = {'n': 7, 'duration': 20.0, 'states_noise': True, 'few': False}
+_UNKNOWN = {'states_noise': False}
 SWEEPS = {  # what grows, and the way to make rows
     'length of the record [s]': [{'duration': d} for d in (10.0, 20.0, 40.0, 80.0)],
-    'length, noise unknown [s]': [
-        {'duration': d, 'states_noise': False} for d in (15.0, 30.0, 60.0)
-    ],
+    'length, noise unknown [s]': [{'duration': d, **_UNKNOWN} for d in (15.0, 30.0, 60.0)],
     'number of joints': [{'n': n, 'duration': 10.0} for n in (3, 7, 15, 30)],
     'number of effects': [{'few': few} for few in (True, False)],
 }
@@ -146,20 +136,19 @@ def shown(sweeps: dict[str, list[dict]]) -> list:
 
 def draw(sweeps: dict[str, list[dict]], path: Path) -> None:
     """Time and memory against the length of the record."""
-    from matplotlib import pyplot as plt
+    from spacerobot_ros.display import Curve, Panel
+    from validation.results.draw import curves
 
-    plt.style.use(Path(__file__).parents[2] / 'docs' / 'images' / 'figures.mplstyle')
-    figure, axes = plt.subplots(2, 1, sharex=True, figsize=(8.0, 5.0), layout='constrained')
-    shown = (('processor time', 's', 'cpu_s'), ('memory', 'MB', 'more_mb'))
-    for ax, (title, unit, key) in zip(axes, shown, strict=True):
-        for what, rows in sweeps.items():
-            if 'length' in what:
-                times = [row['duration'] for row in rows]
-                ax.plot(times, [row[key] for row in rows], label=what.split(' [')[0])
-        ax.set(title=title, ylabel=f'[{unit}]')
-        ax.legend(loc='lower right', bbox_to_anchor=(1.0, 0.98), ncols=2)
-    axes[-1].set_xlabel('length of the record [s]')
-    figure.savefig(path, metadata={'Date': None})
+    def curve(what: str, key: str) -> Curve:
+        rows = sweeps[what]
+        return Curve(what.split(' [')[0], [r['duration'] for r in rows], [r[key] for r in rows])
+
+    lengths = [what for what in sweeps if 'length' in what]
+    panels = [
+        Panel(title, unit, [curve(what, key) for what in lengths])
+        for title, unit, key in (('processor time', 's', 'cpu_s'), ('memory', 'MB', 'more_mb'))
+    ]
+    curves(panels, 'length of the record [s]', path)
 
 
 def sweep() -> dict[str, list[dict]]:
@@ -178,13 +167,7 @@ def main() -> None:
     """Measure and print."""
     import tempfile
 
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument('--one', metavar='JSON', help='one point, printed as JSON')
-    parser.add_argument('--out', metavar='SVG', help='file of the plot')
-    parser.add_argument('--kept', metavar='JSON', help='figures: shown if there, else measured')
-    args = parser.parse_args()
+    args = options(__doc__, one='', out='', kept='')
     if args.one:
         with tempfile.TemporaryDirectory() as name:
             print(json.dumps(measure(**json.loads(args.one), folder=Path(name))))

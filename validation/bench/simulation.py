@@ -13,7 +13,6 @@ skipped otherwise.
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import json
 import os
@@ -25,7 +24,8 @@ from pathlib import Path
 
 import numpy as np
 import servicer
-from scipy.integrate import DOP853
+from nodes import options
+from scipy.integrate import solve_ivp
 
 HERE = Path(__file__).resolve().parent
 # Script, module that it needs, name of its environment.
@@ -43,16 +43,12 @@ TIME_LIMIT = 900.0  # s an engine
 
 def main() -> int:
     """Run the engines, print the table, write the results."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--peers', type=Path, default=Path(os.environ.get('BENCH_PEERS', '.')))
-    parser.add_argument(
-        '--output', type=Path, default=HERE.parents[1] / 'out/bench/simulation.json'
-    )
-    options = parser.parse_args()
+    out = HERE.parents[1] / 'out/bench/simulation.json'
+    asked = options(__doc__, peers=Path(os.environ.get('BENCH_PEERS', '.')), output=out)
     references = {scenario: reference(scenario) for scenario in servicer.SCENARIOS}
     runs, skipped = [], {}
     for engine, (script, module, environment) in ENGINES.items():
-        python = interpreter(module, options.peers / environment)
+        python = interpreter(module, asked.peers / environment)
         if python is None:
             skipped[engine] = 'not installed'
             continue
@@ -62,10 +58,15 @@ def main() -> int:
         if why:
             skipped[engine] = why
     results = {'machine': machine(), 'runs': runs, 'skipped': skipped}
-    options.output.parent.mkdir(parents=True, exist_ok=True)
-    options.output.write_text(json.dumps(results, indent=1) + '\n')
+    written(asked.output, results)
     print(table(results))
     return 0
+
+
+def written(path: Path, results: dict) -> None:
+    """Write results as JSON."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(results, indent=1) + '\n')
 
 
 def interpreter(module: str, environment: Path) -> str | None:
@@ -110,18 +111,13 @@ def reference(scenario: str) -> tuple[np.ndarray, np.ndarray]:
     spans = itertools.pairwise(edges) if held else [(0.0, servicer.DURATION)]
     for start, end in spans:
         tau = servicer.torque(start)
-        solver = DOP853(
+        model.x = solve_ivp(
             lambda t, x, tau=tau: model.rate(x, tau if held else servicer.torque(t)),
-            start,
+            (start, end),
             model.x,
-            end,
-            rtol=1e-13,
-            atol=1e-15,
-            first_step=min(0.01, end - start),
-        )
-        while solver.status == 'running':
-            solver.step()
-        model.x = solver.y
+            'DOP853',
+            **{'rtol': 1e-13, 'atol': 1e-15, 'first_step': min(0.01, end - start)},
+        ).y[:, -1]
     *_, q, _, attitude = model.state()
     return attitude / np.linalg.norm(attitude), q[:3]
 

@@ -6,15 +6,15 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
-from spacerobot_ros.display import Table, table_of
 from spacerobot_ros.nodes.program import NODES
 from spacerobot_ros.ros.convert import estimate_message
 from spacerobot_ros.ros.session import Session
 
-from ..campaigns import Check, Results, TrialRecord, grouped, key, kinds
+from ..campaigns import Results, TrialRecord, grouped, key, kinds
 from .damage import damaged_bag, malformed_file
 from .message_fuzz import interleaved
 from .process_faults import FLOODED, RELEASED, STOPPED, broken_in_the_loop, flooded
@@ -27,42 +27,32 @@ _FILES = 50  # of a trial
 _KILLS = 5  # of a trial
 _FLOOD = 60.0  # s
 _HARMLESS = {'refused', 'whole', 'in part', 'loaded'}
-_WORSE, _OFF = 1.2, 5.0  # largest ratio of standard deviations; estimate's error in them
-_GROWN = 0.05  # share by which memory may change
-_WORDS = {
-    'grown': 'share by which memory grew',
-    'spread': 'spread of the estimate',
-    'off': 'error in standard deviations',
-    'zero': 'time until there is no effort [s]',
-    'known': 'time until the estimate is valid again [s]',
-    'error': 'joint error [deg]',
+
+
+_PLACES = {
+    'bags': ('cut', 'flipped'),
+    'files': ('robot file', 'URDF', 'mapping'),
+    'streams': STREAMS,
 }
-_VALID, _ERROR = 2.0, 0.5  # s until an estimate is valid again; deg off after a recovery
 
 
 def trials(runs: int, is_quick: bool) -> list[str]:
     """Odd messages and kills for each node, streams that go wrong, damaged, malformed files."""
-    return list(_trials(runs, 10 if is_quick else 1))
+    return [key(*parts) for parts in _trials(runs, 10 if is_quick else 1)]
 
 
-def _trials(runs: int, part: int) -> Iterator[str]:
+def _trials(runs: int, part: int) -> Iterator[tuple[Any, ...]]:
     messages, kills, flood = _MESSAGES // part, max(1, _KILLS // part), _FLOOD / part
     for seed in range(1, runs + 1):
         for node in NODES:
-            yield key('kills', node, seed, kills)
-            yield key('starved', node, seed, kills)
-        yield key('kills', 'controller in real time', seed, kills)
-        for topic in FLOODED if seed == 1 else ():
-            yield key('floods', topic, seed, flood)
-        for node in NODES:
-            yield key('messages', node, seed, messages)
-        yield key('messages', 'identifier', seed, _FEW)
-        for what in ('cut', 'flipped'):
-            yield key('bags', what, seed)
-        for what in ('robot file', 'URDF', 'mapping'):
-            yield key('files', what, seed)
-        for what in STREAMS:
-            yield key('streams', what, seed)
+            yield 'kills', node, seed, kills
+            yield 'starved', node, seed, kills
+        yield 'kills', 'controller in real time', seed, kills
+        yield from (('floods', topic, seed, flood) for topic in FLOODED if seed == 1)
+        yield from (('messages', node, seed, messages) for node in NODES)
+        yield 'messages', 'identifier', seed, _FEW
+        for kind, places in _PLACES.items():
+            yield from ((kind, what, seed) for what in places)
 
 
 def run(key: str) -> TrialRecord:
@@ -151,66 +141,33 @@ def _score(records: Sequence[TrialRecord]) -> TrialRecord:
     }
 
 
-def judge(results: Results) -> list[Check]:
-    """Nothing ends, hangs or spoils a node; no damage passes for data."""
-    out = []
-    for row in results['faults']:
-        name = f'{row["fault"]}, {row["of"]}'
-        limits = {'known': _VALID, 'error': _ERROR}
-        if row['fault'] == 'kills':
-            limits['zero'] = STOPPED if row['of'] == 'simulator' else RELEASED
-        if row['fault'] in ('messages', 'floods'):
-            limits['grown'] = _GROWN
-        if row['of'].endswith(', few'):
-            limits |= {'spread': _WORSE, 'off': _OFF}
-        if row['of'].endswith(', few') or row['fault'] == 'floods':
-            out.append(Check(f'{name}: estimates not valid', row['invalid'], 0, 0))
-        out.append(Check(f'{name}: raised', sum(row['raised'].values()), 0, 0))
-        out.append(Check(f'{name}: numbers not finite', row['not_finite'], 0, 0))
-        out.append(Check(f'{name}: harmful', sum(row['harmful'].values()), 0, 0))
-        for what, high in limits.items():
-            if row[what] is not None:
-                out.append(Check(f'{name}: {_WORDS[what]}', row[what], -1.0, high))
-    return out
-
-
-def tables(results: Results) -> list[Table]:
+def shown(results: Results) -> Results:
     """Messages, streams and files; and what is done to processes."""
-    shown = [
+    rows = [
         {
             **row,
+            **_asked(row['fault'], row['of']),
+            **{f'n_{what}': sum(row[what].values()) for what in ('raised', 'harmful')},
             'ended': _listed(row['raised']) or _listed(row['harmful']) or '-',
             'ends': _listed(row['harmless']) or '-',
             'estimate': '-' if row['off'] is None else f'{row["off"]:.2f}, {row["spread"]:.2f}',
-            **{
-                name: '-' if row[name] is None else f'{row[name]:.3g}'
-                for name in ('zero', 'known', 'following', 'error')
-            },
-            'grown': '-' if row['grown'] is None else f'{row["grown"]:.1%}',
         }
         for row in results['faults']
     ]
-    loops = [row for row in shown if row['fault'] in ('kills', 'starved')]
-    return [
-        table_of(
-            [row for row in shown if row not in loops],
-            'fault | of | tried | raised, or harmful | harmless | not finite | '
-            'memory grown | estimate | not valid | alarms',
-            '{fault} | {of} | {tried} | {ended} | {ends} | {not_finite} | {grown} | '
-            '{estimate} | {invalid} | {alarms}',
-            'estimate: largest error, and spread, in standard deviations of the undisturbed one; '
-            'memory: in the second half of the messages',
-            'Faults',
-        ),
-        table_of(
-            loops,
-            'fault | of | tried | wrong | until no effort [s] | until valid [s] | '
-            'until the joints follow [s] | joint error from then on [deg]',
-            '{fault} | {of} | {tried} | {ended} | {zero} | {known} | {following} | {error}',
-            'largest of all; until valid: of the processor; until the joints follow: of the plant',
-            'Processes killed and starved in the closed loop',
-        ),
-    ]
+    loops = [row for row in rows if row['fault'] in ('kills', 'starved')]
+    return {'faults': rows, 'loops': loops, 'others': [row for row in rows if row not in loops]}
+
+
+def _asked(fault: str, of: str) -> TrialRecord:
+    """Which figures are asked of a row."""
+    is_few = of.endswith(', few')
+    return {
+        'is_few': is_few,
+        'is_estimated': is_few or fault == 'floods',
+        'is_long': fault in ('messages', 'floods'),
+        'is_killed': fault == 'kills',
+        'zero_within': STOPPED if of == 'simulator' else RELEASED,
+    }
 
 
 def _listed(counts: dict[str, int]) -> str:

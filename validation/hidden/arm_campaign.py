@@ -11,7 +11,7 @@ import json
 import math
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from operator import itemgetter
 from typing import Any
 
@@ -22,7 +22,6 @@ from spacerobot_ros.diagnosis.arms.arms import find_arm_causes
 from spacerobot_ros.diagnosis.arms.selection import Selection
 from spacerobot_ros.diagnosis.comparison.change_conclusion import conclude_changes
 from spacerobot_ros.diagnosis.comparison.compare import changes_between
-from spacerobot_ros.display import Table, table_of
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.effect import Effect
 from spacerobot_ros.estimation.columns import Candidate
@@ -30,21 +29,28 @@ from spacerobot_ros.estimation.scaling import PROPORTIONAL
 from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.types import Array
 
-from ..campaigns import Check, Results, TrialRecord, grouped, key
+from ..campaigns import Results, TrialRecord, grouped, key
 from ..shares import share_of
 from .diagnosis_draw import point_mass
 from .diagnosis_judge import cause_record
 from .real_arm import HIDDEN, RealArm, arm_file
 
-# figures to reach
-_FALSE = (0.0, 0.01)  # of machines without a cause, with a name
-_RIGHT = (0.95, 1.0)  # of causes three times their limit, first name
-_WITHIN = (0.97, 1.0)  # of values, three standard deviations
-_SPREAD = (0.0, 1.3)  # rms error by standard deviation: what differs from run to run is in both
-
 _WORDS = {
-    'diagnose': ('machines without a cause with a name', 'causes named first'),
-    'compare': ('unchanged machines with a change', 'changes named first'),
+    kind: dict(zip(('title', 'clean_words', 'first_words'), words, strict=True))
+    for kind, *words in (
+        (
+            'diagnose',
+            'Causes of one recording',
+            'machines without a cause with a name',
+            'causes named first',
+        ),
+        (
+            'compare',
+            'Changes between two',
+            'unchanged machines with a change',
+            'changes named first',
+        ),
+    )
 }
 
 
@@ -128,54 +134,9 @@ def _error(kind: str, truth: float, nominal: float, value: float) -> float:
     return abs(value - (truth - nominal if kind == 'compare' else truth))
 
 
-def judge(results: Results) -> list[Check]:
-    """Few false names, right first names, true intervals."""
-    out = []
-    for kind, s in results['arms'].items():
-        false, first = _WORDS[kind]
-        wanted = [(false, s['false'], _FALSE), (first, s['first'], _RIGHT)]
-        wanted.append((f'{kind}: values within 3 standard deviations', s['within'], _WITHIN))
-        out += [Check(what, v.value, *limits) for what, v, limits in wanted if v.total]
-        if s['within'].total:
-            out.append(Check(f'{kind}: rms error by standard deviation', s['spread'], *_SPREAD))
-    return out
-
-
-def tables(results: Results) -> list[Table]:
-    """Shares of all, then every cause."""
-    s = results['arms']
-    return [_shares(s), *(_causes(kind, own) for kind, own in s.items())]
-
-
-def _shares(scores: Mapping[str, Any]) -> Table:
-    return table_of(
-        [{'kind': kind, **s, 'names': _listed(s['false_names'])} for kind, s in scores.items()],
-        'asked | without a cause: with a name | false names | first name right | nothing else | '
-        'within 3 std | rms error by std | too large to hide | median time [s]',
-        '{kind} | {false} | {names} | {first} | {alone} | {within} | {spread:.2f} | {too_large} | '
-        '{wall:.2g}',
-        'shares with their 95 % intervals (Wilson)',
-        'Names',
-    )
-
-
-def _causes(kind: str, score: Mapping[str, Any]) -> Table:
-    return table_of(
-        [
-            {**own, 'name': own['cause'].replace('_', ' '), 'for': _listed(own['taken_for'])}
-            for own in score['causes']
-        ],
-        'cause | size | first name right | nothing named | taken for | others beside it | '
-        'rms error by std',
-        '{name} | {parameter} {size:.3g} {unit} | {first} | {missed} | {for} | {others} | '
-        '{spread:.2f}',
-        'hidden at three times the limit of each record; size: the median of what was hidden',
-        {'diagnose': 'Causes of one recording', 'compare': 'Changes between two'}[kind],
-    )
-
-
-def _listed(counts: Mapping[str, int]) -> str:
-    return ', '.join(f'{name.replace("_", " ")} {n}' for name, n in counts.items()) or '-'
+def shown(results: Results) -> Results:
+    """With words for what was asked."""
+    return {'arms': {kind: _WORDS[kind] | s for kind, s in results['arms'].items()}}
 
 
 MULTIPLE = 3.0

@@ -28,13 +28,10 @@ from spacerobot_ros.model.robot import Robot
 from spacerobot_ros.recording.record import Record
 
 from ..campaigns import TrialRecord, grouped
-from .diagnosis_campaign_tables import drawings as drawings
-from .diagnosis_campaign_tables import tables as tables
 from .diagnosis_draw import drawn, places
 from .diagnosis_judge import NOT_SIMULATED, REFUSED, cause_record
 from .diagnosis_scenario import DURATION, truth_of
-from .diagnosis_score import judge as judge
-from .diagnosis_score import results as results
+from .diagnosis_score import drawings, results, shown  # noqa: F401  the campaign's
 
 MULTIPLES = (1.0, 3.0, 10.0)
 _SEEDS = 2  # of every effect on every robot, at the strengths that figures are asked of

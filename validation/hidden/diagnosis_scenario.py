@@ -8,11 +8,12 @@ shares no code with what is put to the test.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from importlib import import_module
-from typing import Any, Protocol, cast
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -90,35 +91,17 @@ _WHEELS = {  # N m s in the captured body, known to the model
 }
 
 
-class Truth(Protocol):
-    """What simulates the records of a campaign: this module, or one that is named instead.
-
-    Attributes:
-        ROBOTS: Names of its robots. EFFECTS: Ids of what it can hide.
-        EXCITATIONS: By the name of a motion.
-    """
-
-    ROBOTS: tuple[str, ...]
-    EFFECTS: tuple[str, ...]
-    EXCITATIONS: Mapping[str, Any]
-
-    def robot_file(self, name: str) -> RobotFile:
-        """A robot of `ROBOTS` as its user has it."""
-
-    def simulated(
-        self, robot: str, excitation: str, seed: int, effects: Sequence[Effect], duration: float
-    ) -> Record:
-        """A record of the robot with effects."""
-
-
-def truth_of(module: str) -> Truth:
+def truth_of(module: str) -> ModuleType:
     """The module that simulates, by its name; this one without.
+
+    It has `ROBOTS`, names of its robots; `EFFECTS`, ids of what it can hide; `EXCITATIONS`, by the
+    name of a motion; `robot_file(name)` as its user has it; `simulated` as this one has.
 
     Raises:
         ConfigurationError: there is no such module.
     """
     try:
-        return cast(Truth, import_module(module or __name__))
+        return import_module(module or __name__)
     except ImportError as error:
         raise ConfigurationError('truth', f'{module!r} can not be imported: {error}') from error
 

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from operator import itemgetter
 from typing import Any
 
 import numpy as np
 
+from spacerobot_ros.display import Curve, Matrix, Panel, Plot, Section
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.scaling import PROPORTIONAL
 from spacerobot_ros.types import Array
 
-from ..campaigns import Check, Results, TrialRecord, grouped
+from ..campaigns import Results, TrialRecord, grouped
 from ..shares import Share, share_of
 from .diagnosis_judge import (
     REFUSED,
@@ -30,10 +31,6 @@ from .diagnosis_judge import (
 # figures to reach: least share by strength
 _NAMED = {3.0: 0.97, 10.0: 0.99}
 _SEVERAL = {('pair', 3.0): 0.85, ('pair', 10.0): 0.90, ('triple', 10.0): 0.75}  # all of them
-_WITHIN = (0.97, 1.0)  # of values, three standard deviations: 99.7 %, with room
-_ALARMS = (0.0, 0.005)  # the error rates of `limits.FALSE_ALARMS` and `limits.MISFIT`, with room
-_EXPLAINED_AWAY = (0.0, 0.02)  # of records whose effect is in no catalogue: wrong, or missed
-_OTHERS = (0.95, 1.0)  # of frequencies, and of held-out errors
 _AT = 3.0  # of the detection limit, where confusions are counted
 _FREQUENCIES = ('frequency', 'harmonic')
 _TUNED = 0.01  # relative error of a frequency that is found
@@ -210,38 +207,95 @@ def results(records: Sequence[TrialRecord]) -> Results:
     return {'diagnosis': score(records)}
 
 
-def judge(results: Results) -> list[Check]:
-    """Right names, true intervals, few false alarms."""
-    s, none = results['diagnosis'], Share(0, 0)
-    wanted = [
-        *(
-            (f'first name right at {m:g} times the limit', s['top'].get(m, none), (least, 1.0))
-            for m, least in _NAMED.items()
-        ),
-        *(
-            (f'{kind}s exactly right at {m:g} times the limit', s[f'{kind}s'].get(m, none), (w, 1))
-            for (kind, m), w in _SEVERAL.items()
-        ),
-        ('values within 3 standard deviations', s['within'], _WITHIN),
-        (
-            f'frequencies known to {100.0 * _SURE:g} % within {100.0 * _TUNED:g} %',
-            _sum(s['frequencies'].values()),
-            _OTHERS,
-        ),
-        (
-            f'held-out error within {100.0 * _FLOOR:g} % of the noise floor, explained',
-            s['held_out'],
-            _OTHERS,
-        ),
-        ('clean records with a name', s['clean_named'], _ALARMS),
-        ('clean records called unexplained', s['clean_unexplained'], _ALARMS),
-        ('clean records refused', s['clean_refused'], _ALARMS),
-        ('wrong names under explained, the effect unknown', s['left_out_wrong'], _EXPLAINED_AWAY),
-        ('called consistent, the effect unknown', s['left_out_missed'], _EXPLAINED_AWAY),
-    ]
-    return [Check(what, v.value, *limits) for what, v, limits in wanted if v.total]
-
-
 def _sum(shares: Iterable[Share]) -> Share:
     every = list(shares)
     return Share(sum(s.hits for s in every), sum(s.total for s in every))
+
+
+_LONGEST = 160  # characters of a message
+_NONE = Share(0, 0)
+_SHARES = {
+    'clean records with a name': 'clean_named',
+    'clean records called unexplained': 'clean_unexplained',
+    'clean records refused': 'clean_refused',
+    'effect unknown: explained with a wrong name': 'left_out_wrong',
+    'effect unknown: called consistent': 'left_out_missed',
+    'values within 3 standard deviations': 'within',
+    'rightly explained: held-out error within 5 % of the noise floor': 'held_out',
+}
+_ROWS = {
+    'all': 'top',
+    'pairs, exactly': 'pairs',
+    'triples, exactly': 'triples',
+    'frequencies known to 0.3 % within 1 %': 'frequencies',
+}
+
+
+def shown(results: Results) -> Results:
+    """With rows of the tables."""
+    s = results['diagnosis']
+    outcomes = [(*name.split(), of) for name, of in s['outcomes'].items()]
+    named = {name: s[of] for name, of in _ROWS.items()} | s['found']
+    strengths = sorted({m for of in _ROWS.values() for m in s[of]})
+    refused = Counter(s['refused']).most_common()
+    return {
+        **results,
+        'outcomes': [
+            {'kind': kind, 'multiple': float(m), 'records': sum(of.values()), 'outcomes': of}
+            for kind, m, of in outcomes
+        ],
+        'several': [
+            {'kind': kind, 'multiple': m, 'least': least, 'found': s[f'{kind}s'].get(m, _NONE)}
+            for (kind, m), least in _SEVERAL.items()
+        ],
+        'top': [
+            {'multiple': m, 'least': least, 'found': s['top'].get(m, _NONE)}
+            for m, least in _NAMED.items()
+        ],
+        'frequencies': _sum(s['frequencies'].values()),
+        'shares': {what: s[name] for what, name in _SHARES.items()},
+        'found': [
+            {'effect': e, 'cells': {f'{m:g} x limit': by.get(m, _NONE) for m in strengths}}
+            for e, by in named.items()
+        ],
+        'confusion': {
+            name: ', '.join(f'{as_} {n}' for as_, n in Counter(counts).most_common())
+            for name, counts in s['confusion'].items()
+        },
+        'refused': [
+            {'kind': kind, 'names': names or 'nothing', 'records': n, 'message': why[:_LONGEST]}
+            for (kind, names, why), n in refused
+        ],
+    }
+
+
+def drawings(records: Sequence[TrialRecord], results: Results) -> list[Section]:
+    """False alarms against detection, and who is taken for whom."""
+    s = results['diagnosis']
+    alarms = np.asarray(s['roc']['false_alarm'])
+    curves = [
+        Curve(f'{name.removeprefix("found_")} x limit', alarms, np.asarray(shares))
+        for name, shares in s['roc'].items()
+        if name.startswith('found_')
+    ]
+    what = 'share of effects whose evidence is above the threshold'
+    plots = [
+        Plot(
+            [Panel(what, '1', curves)],
+            'The threshold on the best evidence falls from left to right.',
+            'share of clean records above it',
+        )
+    ]
+    if s['confusion']:
+        caption = 'Who is taken for whom, at three times the detection limit.'
+        plots.append(Plot(_matrix(s['confusion']), caption))
+    return [Section('Detection and confusion', plots)]
+
+
+def _matrix(confusion: Mapping[str, Mapping[str, int]]) -> Matrix:
+    """Hidden effects against all that was named, verdicts without a name last."""
+    hidden = list(confusion)
+    others = sorted({name for counts in confusion.values() for name in counts} - set(hidden))
+    columns = [*hidden, *others]
+    counts = np.array([[of.get(c, 0) for c in columns] for of in confusion.values()])
+    return Matrix(hidden, columns, counts, 'named first')

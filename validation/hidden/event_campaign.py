@@ -18,20 +18,12 @@ import numpy as np
 
 from spacerobot_ros.diagnosis.events.event import Event, Events, PossibleEvent
 from spacerobot_ros.diagnosis.events.event_limits import SNR
-from spacerobot_ros.display import Table, table_of
 
-from ..campaigns import Check, Results, TrialRecord, grouped, key
+from ..campaigns import Results, TrialRecord, grouped, key
 from ..shares import share_of
 from .event_machines import AXES, MACHINES, DrawnMachine, HiddenPulse
 
-# figures to reach
-_NAMED = (0.95, 1.0)  # as `event_limits.SNR` promises
-_FROM = SNR
-_OFF = (0.0, 0.1)  # s, 95 % of middles: of torques, which are seen while they act
-_OFF_BY_STD = (0.0, 2.5)  # of steps, which are seen by what follows: as good as noise allows
-_ERROR = (0.0, 0.15)  # of the size, median
-_FALSE = (0.0, 1.0)  # an hour
-
+_UNSURE = 2.5  # standard deviations of a middle
 _WORDS = {
     'moving': ('arms that move', 'snr'),
     'still': ('joints that stand', 'limits'),
@@ -83,49 +75,15 @@ def _quiet(records: Sequence[TrialRecord]) -> dict[str, Any]:
     }
 
 
-def judge(results: Results) -> list[Check]:
-    """From a ratio of 20 on names, times and sizes; few false events."""
-    out = []
+def shown(results: Results) -> Results:
+    """With which figures are asked of a group: names, sizes, and times."""
+    groups = []
     for g in results['events']['groups']:
-        if g['kind'] == 'still' or g['ratio'] >= _FROM:
-            out.append(Check(f'{g["what"]}: named', g['named'].value, *_NAMED))
-        if g['kind'] != 'still' and g['ratio'] >= _FROM and g['named'].hits:
-            if np.isnan(g['by_std_95']):
-                out.append(Check(f'{g["what"]}: middle, 95 % within', g['off_95'], *_OFF, 's'))
-            else:
-                what = f'{g["what"]}: middle by its deviation, 95 % within'
-                out.append(Check(what, g['by_std_95'], *_OFF_BY_STD))
-            out.append(Check(f'{g["what"]}: size, median error', g['error_50'], *_ERROR))
-    return out + [
-        Check(f'{q["machines"]}: false events an hour', q['per_hour'], *_FALSE)
-        for q in results['events']['quiet']
-    ]
-
-
-def tables(results: Results) -> list[Table]:
-    """Pulses, then quiet recordings."""
-    return [
-        table_of(
-            results['events']['groups'],
-            'machines, size | named | why not | middle off, median, 95 % [s]; '
-            '95 % by its deviation | size off, median, 95 % | by noise alone',
-            '{what} | {named} | {reasons} | {off_50:.3f}, {off_95:.3f}; {by_std_95:.1f} | '
-            '{error_50:.1%}, {error_95:.1%} | {allowed_50:.1%}',
-            'of 0.3 to 2 s, by the standard deviation of the same machine in quiet; of joints '
-            'that stand by the limit that is printed; shares with their 95 % intervals (Wilson); '
-            'noise alone leaves the last of the size (rms, times known), median of all pulses',
-            'Pulses',
-        ),
-        table_of(
-            results['events']['quiet'],
-            'machines | recordings | hours | named | an hour | largest z | named beside pulses | '
-            'not judged',
-            '{machines} | {records} | {hours:.2f} | {false} | {per_hour:.1f} | {largest:.1f} | '
-            '{beside} | {unjudged}',
-            'events named where nothing was hidden; beside pulses: those that are none of them',
-            'Quiet recordings',
-        ),
-    ]
+        is_sized = g['kind'] != 'still' and g['ratio'] >= SNR
+        timed = is_sized and bool(g['named'].hits)
+        named = {'is_named': g['kind'] == 'still' or is_sized, 'is_timed': timed}
+        groups.append({**g, **named, 'by_end': timed and bool(np.isnan(g['by_std_95']))})
+    return {'events': {**results['events'], 'groups': groups}}
 
 
 _KINDS = ('moving', 'still', 'base', 'moving', 'lone')
@@ -174,7 +132,7 @@ def _drawn(machine: DrawnMachine, quiet: Events, rng: np.random.Generator) -> li
 
 def _match(p: HiddenPulse, found: Events) -> Event | None:
     """The named event that is nearest in time and felt where the pulse acts."""
-    near = [e for e in found.named if _is_meant(p, e, _OFF_BY_STD[1] * (e.middle_std or 0.0))]
+    near = [e for e in found.named if _is_meant(p, e, _UNSURE * (e.middle_std or 0.0))]
     return min(near, key=lambda e: abs(_off(p, e)), default=None)
 
 

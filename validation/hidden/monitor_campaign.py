@@ -5,14 +5,12 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from operator import itemgetter
 
 import numpy as np
 
-from spacerobot_ros.display import Table, table_of
-
-from ..campaigns import Check, Results, TrialRecord, grouped, key
+from ..campaigns import Results, TrialRecord, grouped, key
 from .monitor_flights import FAULTS, Flight, in_flight, monitor_of, watch
 
 ROBOTS = ('servicer', 'minisat')
@@ -22,26 +20,19 @@ _LENGTH, _QUICK_LENGTH = 900.0, 150.0  # s, of a flight without one
 _SIZES, _QUICK_SIZES = 4, 1  # largest sizes of a fault that are flown
 _LEARNT = 15.0  # s, after which processor time is counted
 _TIMED = 60.0  # s of flight whose processor time is counted
-_WITHIN = 5.0  # s, until the largest size is raised: an alarm is 1.3 s late, and a drag grows
 
 
 def trials(runs: int, is_quick: bool) -> list[str]:
     """Quarter hours without a fault of each robot, and a flight with each fault of each size."""
-    return list(
-        _flights(runs, ROBOTS[:1], _QUICK_LENGTH, _QUICK_SIZES)
-        if is_quick
-        else _flights(runs, ROBOTS, _LENGTH, _SIZES)
-    )
-
-
-def _flights(runs: int, robots: Sequence[str], length: float, sizes: int) -> Iterator[str]:
-    for robot in robots:
-        for seed in range(1, runs + 1):
-            yield key('nominal', robot, seed, length)
-    for name, fault in FAULTS.items():
-        for robot in robots:
-            for size in fault.sizes[-sizes:] if robot in fault.robots else ():
-                yield key('faulty', robot, 1, name, size)
+    robots = ROBOTS[:1] if is_quick else ROBOTS
+    length, sizes = (_QUICK_LENGTH, _QUICK_SIZES) if is_quick else (_LENGTH, _SIZES)
+    quiet = [key('nominal', robot, seed + 1, length) for robot in robots for seed in range(runs)]
+    return quiet + [
+        key('faulty', robot, 1, name, size)
+        for name, fault in FAULTS.items()
+        for robot in robots
+        for size in (fault.sizes[-sizes:] if robot in fault.robots else ())
+    ]
 
 
 def run(key: str) -> TrialRecord:
@@ -145,52 +136,10 @@ def _median(flights: Sequence[TrialRecord], name: str) -> float:
     return float(np.median([math.inf if x[name] is None else x[name] for x in flights]))
 
 
-def judge(results: Results) -> list[Check]:
-    """No alarm without a fault, and none late of the largest."""
+def shown(results: Results) -> Results:
+    """With alarms before any fault, and which faults are the largest."""
     nominal, faults = results['monitor']['nominal'], results['monitor']['faults']
-    out = [
-        Check(f'alarms in {own["hours"]:.3g} h of nominal flight, {robot}', own['alarms'], 0, 0)
-        for robot, own in nominal.items()
-    ]
-    out.append(Check('alarms before a fault', sum(own['early'] for own in faults), 0, 0))
-    out += [
-        Check(
-            'delay of the alarm, {fault} of {size:g} {unit}, {robot}'.format(**own),
-            own['delay'],
-            0.0,
-            _WITHIN,
-            's',
-        )
-        for own in faults
-        if own['size'] == FAULTS[own['fault']].sizes[-1]
-    ]
-    return out
-
-
-def tables(results: Results) -> list[Table]:
-    """Nominal flight, and faults."""
-    nominal, faults = results['monitor']['nominal'], results['monitor']['faults']
-    return [
-        table_of(
-            [
-                {'robot': robot, **own, 'percent': 100.0 * own['share_of_a_core']}
-                for robot, own in nominal.items()
-            ],
-            'robot | flights | hours | alarms | largest evidence | share of a core [%]',
-            '{robot} | {flights} | {hours:.3g} | {alarms} | {largest_evidence:.2f} | '
-            '{percent:.0f}',
-            'evidence over threshold: an alarm is raised at 1',
-            'Nominal flight',
-        ),
-        table_of(
-            [
-                {**own, 'name': own['fault'].replace('_', ' '), 'spoke': ', '.join(own['first'])}
-                for own in faults
-            ],
-            'robot | fault | size | raised | delay [s] | ended after [s] | spoke first',
-            '{robot} | {name} | {size:g} {unit} | {raised} of {flights} | {delay:.0f} | '
-            '{cleared:.0f} | {spoke}',
-            'medians, from onset and end of the fault, by the time of the data',
-            'Faults',
-        ),
-    ]
+    largest = [f['size'] == FAULTS[f['fault']].sizes[-1] for f in faults]
+    rows = [{**f, 'is_largest': x} for f, x in zip(faults, largest, strict=True)]
+    early = sum(f['early'] for f in faults)
+    return {'monitor': {'nominal': nominal, 'faults': rows, 'early': early}}

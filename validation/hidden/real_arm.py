@@ -24,15 +24,17 @@ from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 from spacerobot_ros.types import Array, BoolArray
 
+from ..urdf import chain
+
 RATE, DURATION = 100.0, 24.0  # Hz, s
 JOINTS = tuple(f'joint_{k}' for k in range(1, 7))
-_LINKS = (  # axis, origin [m]; mass [kg], centre of mass [m], moments about it [kg m^2]
-    ('0 0 1', '0 0 0.18', 7.4, (0.0, 0.02, -0.03), (0.034, 0.035, 0.022)),
-    ('0 1 0', '0 0.17 0', 13.0, (0.0, 0.0, 0.25), (0.42, 0.43, 0.045)),
-    ('0 1 0', '0 -0.13 0.61', 4.0, (0.0, 0.0, 0.22), (0.12, 0.12, 0.012)),
-    ('0 1 0', '0 0 0.57', 2.0, (0.0, 0.06, 0.0), (0.006, 0.005, 0.006)),
-    ('0 0 1', '0 0.12 0', 2.0, (0.0, 0.0, 0.06), (0.006, 0.006, 0.005)),
-    ('0 1 0', '0 0 0.12', 0.6, (0.0, 0.04, 0.0), (0.0006, 0.0004, 0.0006)),
+_LINKS = (  # origin [m], axis; centre of mass [m], mass [kg], moments about it [kg m^2]; N m
+    ('0 0 0.18', 'z', '0.0 0.02 -0.03', 7.4, '0.034 0.035 0.022', 330),
+    ('0 0.17 0', 'y', '0.0 0.0 0.25', 13.0, '0.42 0.43 0.045', 330),
+    ('0 -0.13 0.61', 'y', '0.0 0.0 0.22', 4.0, '0.12 0.12 0.012', 330),
+    ('0 0 0.57', 'y', '0.0 0.06 0.0', 2.0, '0.006 0.005 0.006', 330),
+    ('0 0.12 0', 'z', '0.0 0.0 0.06', 2.0, '0.006 0.006 0.005', 330),
+    ('0 0 0.12', 'y', '0.0 0.04 0.0', 0.6, '0.0006 0.0004 0.0006', 330),
 )
 COULOMB = np.array([20.5, 18.7, 7.4, 3.0, 3.3, 2.8])  # N m
 VISCOUS = np.array([27.0, 19.0, 11.0, 3.2, 2.7, 3.3])  # N m s/rad
@@ -52,22 +54,7 @@ _FILTER = 20.0  # Hz
 
 def arm_urdf() -> str:
     """URDF text of the file."""
-    links, joints, parent = ['<link name="base_link"/>'], [], 'base_link'
-    for k, (axis, origin, mass, com, moments) in enumerate(_LINKS, 1):
-        inertia = ' '.join(
-            f'{name}="{value}"' for name, value in zip(('ixx', 'iyy', 'izz'), moments, strict=True)
-        )
-        links.append(
-            f'<link name="link_{k}"><inertial><origin xyz="{" ".join(map(str, com))}"/>'
-            f'<mass value="{mass}"/><inertia {inertia} ixy="0" ixz="0" iyz="0"/></inertial></link>'
-        )
-        joints.append(
-            f'<joint name="joint_{k}" type="revolute"><parent link="{parent}"/>'
-            f'<child link="link_{k}"/><axis xyz="{axis}"/><origin xyz="{origin}"/>'
-            '<limit lower="-6.3" upper="6.3" effort="330" velocity="3"/></joint>'
-        )
-        parent = f'link_{k}'
-    return '\n'.join(['<robot name="arm">', *links, *joints, '</robot>'])
+    return chain(_LINKS, reach=6.3)
 
 
 def arm_file(*, has_friction: bool = True, **robot: object) -> RobotFile:
@@ -202,9 +189,8 @@ class RealArm:
     def _motor(self, rng: np.random.Generator, q: Array, qd: Array, qdd: Array) -> Array:
         """(N, n) torques with all that no cause is [N m]."""
         data, share = self.model.createData(), self.leftover * COULOMB
-        rigid = np.array(
-            [pin.rnea(self.model, data, *state) for state in zip(q, qd, qdd, strict=True)]
-        )
+        states = zip(q, qd, qdd, strict=True)
+        rigid = np.array([pin.rnea(self.model, data, *state) for state in states])
         direction = np.tanh(qd / _CREEP)
         level = _BY_RUN * rng.standard_normal(6) + _DRIFT * _wandering(rng, len(q), _DRIFT_TIME)
         torque = rigid + COULOMB * direction + VISCOUS * qd + share * level * direction

@@ -1,114 +1,57 @@
 """The diagnosis campaign on records of MuJoCo.
 
-`python -m validation mujoco --out DIR` runs it. The module takes the place of
-`validation/hidden/diagnosis_scenario.py`: robots, motions, records. What was drawn of the
-catalogue is made of MuJoCo's own bodies, joints and forces.
+The module takes the place of `validation/hidden/diagnosis_scenario.py`: robots, motions, records.
+What was drawn of the catalogue is made of MuJoCo's own bodies, joints and forces.
 """
 
 from __future__ import annotations
 
-import argparse
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
-from typing import Any
 
-from spacerobot_ros.display import Section, markdown
 from spacerobot_ros.effects.effect import Effect
 from spacerobot_ros.effects.robot_file import RobotFile, load_robot_file
 from spacerobot_ros.errors import SimulationDivergedError
 from spacerobot_ros.recording.record import Record
 
-from ..campaigns import CAMPAIGNS, finish
-from ..hidden import diagnosis_campaign as campaign
-from .robots import ROBOTS as KNOWN
-from .robots import SERVICER, TruthRobot
+from ..hidden import diagnosis_campaign
+from ..hidden.diagnosis_campaign import drawings, results, run, shown  # noqa: F401  the campaign's
+from ..replay.machines import machine
 from .run import Excitation
 from .sensors import Sensors
+from .truth import ROBOTS as KNOWN
 from .truth import generate, write_robot
 
-TWIN = TruthRobot(
-    SERVICER.with_name('twin.urdf').read_text(encoding='utf-8'),
-    tuple(f'{side}_joint_{k}' for side in ('left', 'right') for k in (1, 2, 3)),
-    servicer_wheels=(4.0, -6.0, 5.0),
-    target_link='left_3',
-    target_wheels=(-7.0, 5.0, 11.0),
-    q0=(0.3, 0.7, -0.4, -0.3, 0.8, 0.6),
-    omega=(0.02, -0.03, 0.025),
-)
-_TRUTH = {'servicer': KNOWN['servicer'], 'sixdof': KNOWN['sixdof'], 'twin': TWIN}
+_TRUTH = {
+    **{name: KNOWN[name] for name in ('servicer', 'sixdof')},
+    'twin': replace(machine('twin', 0), effort_std=0.05),
+}
 ROBOTS = tuple(_TRUTH)
 EXCITATIONS = {
     'default': Excitation(amplitude=0.3, period=10.0),
     'fast': Excitation(amplitude=0.6, period=4.0, harmonics=2),
     'slow': Excitation(amplitude=0.3, period=20.0, harmonics=2),
 }
-Values = Mapping[str, float]
-
-
-def _vector(v: Values, prefix: str = '') -> tuple[float, ...]:
-    return tuple(v[prefix + axis] for axis in 'xyz')
-
-
-def _relative(v: Values) -> dict[str, Any]:
-    return {'gain': v['gain'] - 1.0}
-
-
-def _opposite(v: Values) -> dict[str, Any]:
-    """The plan turns the sensor, the catalogue what it says."""
-    return {axis: -v[axis] for axis in 'xyz'}
-
-
-def _payload(v: Values) -> dict[str, Any]:
-    """A point mass, which is all that the campaign draws of inertial parameters."""
-    return {'mass': v['mass'], 'com': tuple(m / v['mass'] for m in _vector(v, 'm'))}
-
-
-def _panel(v: Values) -> dict[str, Any]:
-    return {name: v[name] for name in ('inertia', 'frequency', 'damping')} | {'axis': _vector(v)}
-
-
-def _tank(v: Values) -> dict[str, Any]:
-    """At the centre of mass, where the campaign puts it."""
-    return {name: v[name] for name in ('mass', 'frequency', 'damping')}
-
-
-def _leak(v: Values) -> dict[str, Any]:
-    return {'force': _vector(v, 'force_'), 'at': _vector(v, 'at_')}
-
-
-def _gradient(v: Values) -> dict[str, Any]:
-    return {'orbital_rate': v['orbital_rate'], 'direction': _vector(v)}
-
-
-def _gear(v: Values) -> dict[str, Any]:
-    own = {name: v[name] for name in ('stiffness', 'damping', 'rotor_inertia')}
-    return own | {'encoder': 'motor' if v['motor_side'] > 0.5 else 'link'}
-
-
-_PLANNED: dict[str, Callable[[Values], dict[str, Any]]] = {
-    'joint_torque_constant': _relative,
-    'encoder_scale': _relative,
-    'joint_rate_scale': _relative,
-    'gyro_misalignment': _opposite,
-    'inertial_parameters': _payload,
-    'flexible_appendage': _panel,
-    'fuel_slosh': _tank,
-    'thruster_leak': _leak,
-    'gravity_gradient': _gradient,
-    'joint_flexibility': _gear,
-}
-_AS_IN_THE_CATALOGUE = (
+EFFECTS = (  # seeds of trials go by their order
     *('joint_viscous_friction', 'joint_coulomb_friction', 'joint_stribeck_friction'),
     *('joint_torque_ripple', 'joint_stiffness', 'motor_inertia', 'encoder_offset'),
     *('torque_sensor_bias', 'gyro_bias', 'gyro_scale'),
     *('attitude_misalignment', 'imu_delay', 'attitude_delay', 'joint_delay', 'effort_delay'),
     *('target_wheel_momentum', 'servicer_wheel_momentum_error', 'target_wheel_drag'),
-    *('servicer_wheel_drag', 'wheel_imbalance', 'external_torque_body'),
-    'external_torque_inertial',
+    *(
+        'servicer_wheel_drag',
+        'wheel_imbalance',
+        'external_torque_body',
+        'external_torque_inertial',
+    ),
+    *('joint_torque_constant', 'encoder_scale', 'joint_rate_scale', 'gyro_misalignment'),
+    *('inertial_parameters', 'flexible_appendage', 'fuel_slosh', 'thruster_leak'),
+    *('gravity_gradient', 'joint_flexibility'),
 )
-EFFECTS = (*_AS_IN_THE_CATALOGUE, *_PLANNED)
+trials = partial(diagnosis_campaign.trials, truth=__name__)
 
 
 @cache
@@ -130,7 +73,7 @@ def simulated(
     Raises:
         SimulationDivergedError: the controller is not stable with the effects.
     """
-    hidden = [(e.id, e.where, _PLANNED.get(e.id, dict)(e.values)) for e in effects]
+    hidden = [(e.id, e.where, e.values) for e in effects]
     with tempfile.TemporaryDirectory() as folder:
         try:
             case = generate(
@@ -144,25 +87,3 @@ def simulated(
         except ArithmeticError as error:
             raise SimulationDivergedError(duration, str(error)) from error
     return case.data
-
-
-def main() -> None:
-    """Run what is missing, and write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--out', default='out/mujoco-campaign', type=Path)
-    parser.add_argument(
-        '--runs', default=CAMPAIGNS['diagnosis'].runs, type=int, help='clean records'
-    )
-    parser.add_argument('--minutes', default=1e9, type=float, help='begin nothing new after that')
-    args = parser.parse_args()
-    args.out.mkdir(parents=True, exist_ok=True)
-    keys = campaign.trials(args.runs, False, 'validation.mujoco.campaign')
-    records = finish(CAMPAIGNS['diagnosis'], keys, args.out, minutes=args.minutes).records
-    results = campaign.results(records)
-    tables = [Section(table.title, [table]) for table in campaign.tables(results)]
-    page = args.out / CAMPAIGNS['diagnosis'].markdown
-    page.write_text(markdown('Diagnosis campaign on records of MuJoCo', tables), encoding='utf-8')
-
-
-if __name__ == '__main__':
-    main()

@@ -10,9 +10,11 @@ import mujoco
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from .model import to_mjcf
+from ..replay.machines import Machine
+from ..replay.plant import Motion
 from .plan import Plan
 
+ATTITUDE = np.array([0.2, 0.1, 0.3, 0.927]) / np.linalg.norm([0.2, 0.1, 0.3, 0.927])  # xyzw
 STICTION = 2e-3  # rad/s: dry friction changes its sign over this rate, or over what the step needs
 
 
@@ -89,119 +91,52 @@ class History:
 Seen = Callable[[int, 'Simulation'], tuple[np.ndarray, np.ndarray]]
 
 
-class Simulation:
-    """A plan in MuJoCo; forces are asked for at every Runge-Kutta stage."""
+class Simulation(Motion):
+    """A plan that moves; forces are asked for at every Runge-Kutta stage.
+
+    `q` and `v` are places of the motors in MuJoCo's state; `angle` and `rate` (n,) are of joints.
+    """
 
     def __init__(self, plan: Plan, dt: float) -> None:
-        xml = to_mjcf(plan.links, free=plan.free, gravity=plan.gravity, dt=dt)
-        self.plan = plan
-        self.model = mujoco.MjModel.from_xml_string(xml)
-        self.data = mujoco.MjData(self.model)
-        self.bodies = {name: self.model.body(name).id for name in plan.links}
-        names = [[plan.motors[j]] if j in plan.motors else [j] for j in plan.joints]
-        self._q_motor, self._v_motor = self._addresses([n[0] for n in names])
-        springs = [j for j in plan.joints if j in plan.motors]
-        self._springs = [plan.index(j) for j in springs]
-        self._q_spring, self._v_spring = self._addresses(springs)
-        self._wheels = [
-            (self.bodies[link], h, plan.drag.get(link, math.inf))
-            for link, h in plan.wheels.items()
-        ]
-        self._gain = 1.0 + np.array([plan.gain.get(j, 0.0) for j in plan.joints])
-        self.q = self.qd = self.applied = np.zeros(len(plan.joints))
-        self.torque: Callable[[Simulation], np.ndarray] = lambda _: np.zeros(len(plan.joints))
+        super().__init__(plan)
+        flags = mujoco.mjtDisableBit
+        self.model.opt.timestep = dt
+        self.model.opt.disableflags |= flags.mjDSBL_CONSTRAINT | flags.mjDSBL_AUTORESET
+        self._springs = [plan.joints.index(j) for j in plan.joints if j in plan.motors]
+        self._q_spring, self._v_spring = self.q[self._springs], self.v[self._springs]
+        motors = [self.model.joint(plan.motors.get(j, {}).get('name', j)).id for j in plan.joints]
+        self.q, self.v = self.model.jnt_qposadr[motors], self.model.jnt_dofadr[motors]
+        self.angle = self.rate = np.zeros(len(plan.joints))
         self.stiction = STICTION
-
-    def _addresses(self, joints: list[str]) -> tuple[np.ndarray, np.ndarray]:
-        ids = [self.model.joint(name).id for name in joints]
-        return self.model.jnt_qposadr[ids], self.model.jnt_dofadr[ids]
-
-    # ---------------------------------------------------------------- what forces may ask
-
-    @property
-    def motor_q(self) -> np.ndarray:
-        """(n,) angles of the motors."""
-        return self.data.qpos[self._q_motor]
-
-    @property
-    def motor_qd(self) -> np.ndarray:
-        """(n,) rates of the motors."""
-        return self.data.qvel[self._v_motor]
-
-    def rotation(self, link: str) -> np.ndarray:
-        """(3, 3) of a link."""
-        return self.data.xmat[self.bodies[link]].reshape(3, 3)
-
-    def com_in_link(self, link: str) -> np.ndarray:
-        """(3,) centre of mass in the link's frame."""
-        return self.model.body_ipos[self.bodies[link]]
-
-    def spring(self, i: int) -> tuple[float, float]:
-        """Deflection of a motor's spring, and its rate."""
-        k = self._springs.index(i)
-        return self.data.qpos[self._q_spring[k]], self.data.qvel[self._v_spring[k]]
-
-    # ---------------------------------------------------------------- what forces may do
 
     def push_joint(self, i: int, torque: float) -> None:
         """A torque between a joint's parent and its link."""
-        self.data.qfrc_applied[self._v_motor[i]] += torque
+        self.data.qfrc_passive[self.v[i]] += torque
         if i in self._springs:
-            self.push_spring(i, torque)
+            self.data.qfrc_passive[self._v_spring[self._springs.index(i)]] += torque
 
-    def push_spring(self, i: int, torque: float) -> None:
-        """A torque between a motor and its link."""
-        self.data.qfrc_applied[self._v_spring[self._springs.index(i)]] += torque
-
-    def push(self, link: str, force: np.ndarray | None = None, torque: np.ndarray | None = None):
-        """A force at a body's centre of mass and a torque, inertial frame."""
-        row = self.data.xfrc_applied[self.bodies[link]]
-        if force is not None:
-            row[:3] += force
-        if torque is not None:
-            row[3:] += torque
-
-    def push_body_torque(self, link: str, torque: np.ndarray) -> None:
-        """A torque in the link's frame."""
-        self.push(link, torque=self.rotation(link) @ torque)
-
-    # ---------------------------------------------------------------- one stage
-
-    def _stage(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        data.qfrc_applied[:] = 0.0
-        data.xfrc_applied[:] = 0.0
-        self.q, self.qd = self.motor_q, self.motor_qd
+    def stage(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """What MuJoCo asks for at every stage, once it knows passive forces and bias."""
+        self.angle, self.rate = data.qpos[self.q], data.qvel[self.v]
         if self._springs:
-            self.q[self._springs] += data.qpos[self._q_spring]
-            self.qd[self._springs] += data.qvel[self._v_spring]
-        self.applied = self.torque(self)
-        data.qfrc_applied[self._v_motor] += self._gain * self.applied
-        for body, h, time_constant in self._wheels:
-            rest = math.exp(-data.time / time_constant)
-            hw = rest * (data.xmat[body].reshape(3, 3) @ h)
-            wx, wy, wz = data.cvel[body, :3]
-            row = data.xfrc_applied[body]
-            row[3] += wz * hw[1] - wy * hw[2] + hw[0] / time_constant
-            row[4] += wx * hw[2] - wz * hw[0] + hw[1] / time_constant
-            row[5] += wy * hw[0] - wx * hw[1] + hw[2] / time_constant
-        for force in self.plan.forces:
-            force(self)
+            self.angle[self._springs] += data.qpos[self._q_spring]
+            self.rate[self._springs] += data.qvel[self._v_spring]
+        super().stage(model, data)
 
     def inertia(self) -> np.ndarray:
         """(n, n) joint inertia with the base free to react and the motors' springs locked."""
         mujoco.mj_forward(self.model, self.data)
         M = np.zeros((self.model.nv, self.model.nv))
-        for column, unit in zip(M, np.eye(self.model.nv), strict=True):
-            mujoco.mj_mulM(self.model, self.data, column, unit)
+        mujoco.mj_fullM(self.model, self.data, M)
         free = np.setdiff1d(np.arange(self.model.nv), self._v_spring)
         inverse = np.linalg.inv(M[np.ix_(free, free)])
-        motors = np.searchsorted(free, self._v_motor)
+        motors = np.searchsorted(free, self.v)
         return np.linalg.inv(inverse[np.ix_(motors, motors)])
 
     def place(self, q: np.ndarray, attitude_xyzw: np.ndarray, omega: np.ndarray) -> None:
         """Joints at rest, the base turning."""
-        self.data.qpos[self._q_motor] = q
-        if self.plan.free:
+        self.data.qpos[self.q] = q
+        if self.plant.free:
             self.data.qpos[3:7] = np.roll(attitude_xyzw, 1)
             self.data.qvel[3:6] = omega
 
@@ -213,13 +148,16 @@ class Simulation:
             every: Steps a control period; `control(k)` is called at its begin.
             control: Sets `torque`.
         """
-        n = len(self.plan.joints)
+        n, d, at_rest = len(self.plant.joints), self.data, np.zeros(3)
         rows = np.empty((steps + 1, 1 + 5 * n + 7))
-        mujoco.set_mjcb_control(self._stage)
+        mujoco.set_mjcb_control(self.stage)
         try:
             for k in range(steps + 1):
                 mujoco.mj_forward(self.model, self.data)
-                self._log(rows[k])
+                # the torque is of the step that ended, where it is held
+                parts = (self.angle, self.rate, d.qpos[self.q], d.qvel[self.v], self.applied)
+                base = (d.qpos[3:7], d.qvel[3:6]) if self.plant.free else ((1.0, 0, 0, 0), at_rest)
+                rows[k] = np.concatenate([[d.time], *parts, *base])
                 if k % every == 0:
                     control(k // every)
                 mujoco.mj_step(self.model, self.data)
@@ -230,24 +168,15 @@ class Simulation:
             raise ArithmeticError('the truth diverged')
         return History(parts[0][:, 0], *parts[1:])
 
-    def _log(self, row: np.ndarray) -> None:
-        """The state, and the torque of the step that ended (where it is held)."""
-        d = self.data
-        base = (d.qpos[3:7], d.qvel[3:6]) if self.plan.free else ((1.0, 0, 0, 0), np.zeros(3))
-        row[0] = d.time
-        row[1:] = np.concatenate(
-            [self.q, self.qd, self.motor_q, self.motor_qd, self.applied, *base]
-        )
-
 
 def step_size(plan: Plan, inertia: np.ndarray, period: float) -> float:
     """Step that resolves what was brought in, a whole part of the control period [s]."""
     wanted = 5e-3
     if plan.fastest > 0.0:
         wanted = min(wanted, 0.25 / plan.fastest)
-    least = np.diag(np.linalg.inv(inertia))
-    for joint, torque in plan.coulomb.items():
-        wanted = min(wanted, 2.0 * STICTION / (torque * least[plan.index(joint)]))
+    least = dict(zip(plan.joints, np.diag(np.linalg.inv(inertia)), strict=True))
+    for joint, torque in plan.dry.items():
+        wanted = min(wanted, 2.0 * STICTION / (torque * least[joint]))
     return period / math.ceil(period / max(wanted, 1e-4))
 
 
@@ -256,66 +185,61 @@ def _inertias(trial: Simulation, times: np.ndarray, q: np.ndarray) -> np.ndarray
     knots = np.linspace(0, len(times) - 1, 200).astype(int)
     matrices = []
     for k in knots:
-        trial.data.qpos[trial._q_motor] = q[k]
+        trial.data.qpos[trial.q] = q[k]
         matrices.append(trial.inertia())
     return CubicSpline(times[knots], matrices)(times)
 
 
 def simulate(
     plan: Plan,
-    q0: np.ndarray,
-    attitude_xyzw: np.ndarray,
-    omega: np.ndarray,
+    machine: Machine,
     excitation: Excitation,
     duration: float,
     rng: np.random.Generator,
-    seen: Seen | None = None,
+    seen: Seen,
 ) -> History:
     """Follow a motion.
 
     Args:
         plan: The robot and what it hides.
-        q0: (n,) joints at the start [rad].
-        attitude_xyzw: (4,) base attitude at the start.
-        omega: (3,) base rate at the start, in base coordinates [rad/s].
+        machine: Where it starts.
         excitation: Motion and control.
         duration: [s].
         rng: For the motion.
-        seen: What the controller is told at control period k: positions and rates; None: truth.
+        seen: What the controller is told at control period k: positions and rates.
     """
+    start = machine.q0, ATTITUDE, np.array(machine.omega)
     trial = Simulation(plan, 1e-3)
-    trial.place(q0, attitude_xyzw, omega)
+    trial.place(*start)
     H = trial.inertia()
     dt = step_size(plan, H, excitation.period_control)
     sim = Simulation(plan, dt)
-    sim.place(q0, attitude_xyzw, omega)
-    sim.stiction = max(
-        [STICTION]
-        + [
-            0.5 * dt * torque * float(np.linalg.inv(H)[plan.index(j), plan.index(j)])
-            for j, torque in plan.coulomb.items()
-        ]
-    )
+    sim.place(*start)
+    least = dict(zip(plan.joints, np.diag(np.linalg.inv(H)).tolist(), strict=True))
+    widths = (0.5 * dt * torque * least[j] for j, torque in plan.dry.items())
+    sim.stiction = max([STICTION, *widths])
     b = excitation.bandwidth
     halves = np.arange(2 * round((duration + 2.0 * excitation.period_control) / dt)) * 0.5 * dt
-    reference = Reference(q0, excitation, rng).at(halves)  # stages fall on half steps
+    reference = Reference(machine.q0, excitation, rng).at(halves)  # stages fall on half steps
     inertias = _inertias(trial, halves, reference[:, 0])
 
     def law(t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         half = round(2.0 * t / dt)
         want, rate, acceleration = reference[half]
-        bias = 0.0 if plan.free else sim.data.qfrc_bias[sim._v_motor]
+        bias = 0.0 if plan.free else sim.data.qfrc_bias[sim.v]
         return inertias[half] @ (acceleration + 2.0 * b * (rate - qd) + b * b * (want - q)) + bias
 
     def control(k: int) -> None:
         if excitation.control == 'smooth':
             return
-        told = seen(k, sim) if excitation.measured and seen else (sim.q.copy(), sim.qd.copy())
+        told = (
+            seen(k, sim) if excitation.measured and seen else (sim.angle.copy(), sim.rate.copy())
+        )
         # The torque of the period's middle: what is held then leads and lags by the same half.
         tau = law(sim.data.time + 0.5 * excitation.period_control, *told)
-        sim.torque = lambda _: tau
+        sim.torque = lambda: tau
 
     if excitation.control == 'smooth':
-        sim.torque = lambda s: law(s.data.time, s.q, s.qd)
+        sim.torque = lambda: law(sim.data.time, sim.angle, sim.rate)
     every = round(excitation.period_control / dt)
     return sim.run(round(duration / dt), every, control)

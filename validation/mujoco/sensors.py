@@ -1,4 +1,4 @@
-"""Samples a truth run: rates, delays, faults, noise, dropouts, jitter, quantisation."""
+"""Samples a truth run: rates, delays, faults, noise."""
 
 from __future__ import annotations
 
@@ -13,56 +13,44 @@ from scipy.spatial.transform import Rotation
 from spacerobot_ros.recording.bags.bag_writer import BagWriter
 from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries, Record
 
+from ..replay.machines import NOISE
 from .plan import Plan
 from .run import History
 
-CHANNELS = ('position', 'velocity', 'effort', 'gyro', 'attitude')
+RATES = {'q': 100.0, 'qd': 100.0, 'tau': 100.0, 'omega': 100.0, 'attitude': 10.0}
+"""Of samples by channel [Hz]."""
+_FILE = ('joint_position', 'joint_velocity', 'joint_effort', 'gyro', 'attitude')
+Samples = dict[str, np.ndarray]
+"""By channel; attitudes as rotation matrices."""
 
 
 @dataclass(frozen=True)
 class Sensors:
-    """Standard deviations a sample, rates [Hz], and what else is not perfect.
+    """What of sensors differs.
 
     Args:
-        position_std: [rad]. velocity_std: [rad/s]. effort_std: [N m]. gyro_std: [rad/s].
-        attitude_std: [rad].
-        joint_rate: [Hz]. imu_rate: [Hz]. attitude_rate: [Hz].
-        dropout: Fraction of samples that never arrive.
-        jitter: Standard deviation of a stamp against its sample [s].
-        position_step: Quantisation of the encoders [rad].
+        effort_std: Of torques [N m].
         effort_mean: Held torques are read as their mean about the stamp (half a period to each
             side); False: as the torque of the period that ended at the stamp.
     """
 
-    position_std: float = 2e-5
-    velocity_std: float = 2e-4
     effort_std: float = 0.05
-    gyro_std: float = 2e-5
-    attitude_std: float = 3e-5
-    joint_rate: float = 100.0
-    imu_rate: float = 100.0
-    attitude_rate: float = 10.0
-    dropout: float = 0.0
-    jitter: float = 0.0
-    position_step: float = 0.0
     effort_mean: bool = True
 
+    @property
+    def stds(self) -> dict[str, float]:
+        """Standard deviations a sample as a robot file has them, in the order of `RATES`."""
+        stds = NOISE | {'effort': self.effort_std}
+        return {f'{name}_std': stds[name.removeprefix('joint_')] for name in _FILE}
 
-class Noise:
+
+def noise_of(sensors: Sensors, seed: int, n: int, duration: float, on: bool) -> Samples:
     """One seeded stream a channel; samples keep their noise whatever else is switched."""
-
-    def __init__(self, sensors: Sensors, seed: int, n: int, duration: float, on: bool) -> None:
-        counts = {
-            'position': (sensors.joint_rate, n, sensors.position_std),
-            'velocity': (sensors.joint_rate, n, sensors.velocity_std),
-            'effort': (sensors.joint_rate, n, sensors.effort_std),
-            'gyro': (sensors.imu_rate, 3, sensors.gyro_std),
-            'attitude': (sensors.attitude_rate, 3, sensors.attitude_std),
-        }
-        self.of = {
-            name: std * on * stream(seed, place).standard_normal((round(rate * duration) + 1, k))
-            for place, (name, (rate, k, std)) in enumerate(counts.items())
-        }
+    widths = zip(RATES.items(), (n, n, n, 3, 3), sensors.stds.values(), strict=True)
+    return {
+        name: std * on * stream(seed, k).standard_normal((round(rate * duration) + 1, width))
+        for k, ((name, rate), width, std) in enumerate(widths)
+    }
 
 
 def stream(seed: int, place: int) -> np.random.Generator:
@@ -71,66 +59,45 @@ def stream(seed: int, place: int) -> np.random.Generator:
 
 
 def sample(
-    plan: Plan, history: History, sensors: Sensors, noise: Noise, held: float | None
-) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Sample times and values by channel; attitude as rotation matrices.
+    plan: Plan, history: History, noise: Samples, held: float | None, mean: bool
+) -> tuple[Samples, Samples]:
+    """Sample times and values by channel.
 
     Args:
         plan: Delays and sensor faults.
         history: The truth.
-        sensors: Rates and imperfections.
         noise: Drawn before, as the controller may have seen it.
         held: Control period of held torques [s]; None where they are smooth.
+        mean: `Sensors.effort_mean`.
     """
     end = history.time[-1] + 1e-9
-    times = {
-        name: np.arange(math.floor(end * rate) + 1) / rate
-        for name, rate in zip(
-            CHANNELS,
-            (*[sensors.joint_rate] * 3, sensors.imu_rate, sensors.attitude_rate),
-            strict=True,
-        )
-    }
-    clean = _clean(plan, history, times, held, sensors.effort_mean)
+    times = {name: np.arange(math.floor(end * rate) + 1) / rate for name, rate in RATES.items()}
+    out = _clean(plan, history, times, held, mean)
     for mend in plan.mends:
-        mend(clean)
-    out = {}
-    for name in CHANNELS:
-        error = noise.of[name][: len(times[name])]
-        if name == 'attitude':
-            values = clean[name] @ Rotation.from_rotvec(error).as_matrix()
-        else:
-            values = clean[name] + error
-        out[name] = (times[name], values)
-    if sensors.position_step:
-        t, q = out['position']
-        out['position'] = (t, sensors.position_step * np.round(q / sensors.position_step))
-    return out
+        mend(out)
+    errors = {name: error[: len(times[name])] for name, error in noise.items()}
+    turned = out.pop('attitude') @ Rotation.from_rotvec(errors['attitude']).as_matrix()
+    return times, {**{name: x + errors[name] for name, x in out.items()}, 'attitude': turned}
 
 
 def _clean(
-    plan: Plan,
-    history: History,
-    times: dict[str, np.ndarray],
-    held: float | None,
-    mean: bool,
-) -> dict[str, np.ndarray]:
+    plan: Plan, history: History, times: Samples, held: float | None, mean: bool
+) -> Samples:
     """What perfect sensors would say, each as late as it is."""
-    late = plan.delays
-    joints = np.maximum(times['position'] - late.get('joints', 0.0), 0.0)
-    effort = np.maximum(joints - late.get('effort', 0.0), 0.0)
-    imu = np.maximum(times['gyro'] - late.get('imu', 0.0), 0.0)
-    attitude = np.maximum(times['attitude'] - late.get('attitude', 0.0), 0.0)
+
+    def late(at: np.ndarray, clock: str) -> np.ndarray:
+        return np.maximum(at - plan.delays.get(clock, 0.0), 0.0)
+
     on_motor = np.array([j in plan.encoder_on_motor for j in plan.joints])
-    t = history.time
+    t, joints = history.time, late(times['q'], 'joints')
     q = np.where(on_motor, history.motor_q, history.q)
     qd = np.where(on_motor, history.motor_qd, history.qd)
-    wxyz = CubicSpline(t, history.attitude)(attitude)
+    wxyz = CubicSpline(t, history.attitude)(late(times['attitude'], 'attitude'))
     return {
-        'position': CubicSpline(t, q)(joints),
-        'velocity': CubicSpline(t, qd)(joints),
-        'effort': _effort(history, effort, held, mean),
-        'gyro': CubicSpline(t, history.omega)(imu),
+        'q': CubicSpline(t, q)(joints),
+        'qd': CubicSpline(t, qd)(joints),
+        'tau': _effort(history, late(joints, 'effort'), held, mean),
+        'omega': CubicSpline(t, history.omega)(late(times['omega'], 'imu')),
         'attitude': Rotation.from_quat(np.roll(wxyz, -1, axis=1)).as_matrix(),
     }
 
@@ -144,54 +111,35 @@ def _effort(history: History, at: np.ndarray, held: float | None, mean: bool) ->
         return tau[np.clip(np.searchsorted(t, at - 1e-9), 0, len(t) - 1)]
     steps = np.diff(t)[:, None]
     integral = np.vstack([np.zeros((1, tau.shape[1])), np.cumsum(tau[1:] * steps, axis=0)])
-    begin, stop = np.clip(at - 0.5 * held, 0, t[-1]), np.clip(at + 0.5 * held, 0, t[-1])
-    between = [
-        np.column_stack([np.interp(x, t, column) for column in integral.T]) for x in (stop, begin)
-    ]
-    return (between[0] - between[1]) / (stop - begin)[:, None]
+    ends = [np.clip(at + part * held, 0, t[-1]) for part in (0.5, -0.5)]
+    stop, begin = (np.column_stack([np.interp(x, t, c) for c in integral.T]) for x in ends)
+    return (stop - begin) / (ends[0] - ends[1])[:, None]
 
 
-def to_record(
-    plan: Plan,
-    samples: dict[str, tuple[np.ndarray, np.ndarray]],
-    sensors: Sensors,
-    seed: int,
-    source: str,
-) -> Record:
-    """The record, with dropouts and jitter; a fixed base has joints only."""
-
-    def stamps(place: int, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        rng = stream(seed, 10 + place)
-        late = t + sensors.jitter * rng.standard_normal(len(t))
-        ns = np.round(late * 1e9).astype(np.int64)
-        kept = rng.random(len(t)) >= sensors.dropout
-        kept[1:] &= np.diff(np.maximum.accumulate(ns)) > 0
-        return ns[kept], kept
-
-    ns, kept = stamps(0, samples['position'][0])
-    columns = [samples[name][1][kept] for name in ('position', 'velocity', 'effort')]
-    joints = JointSeries(tuple(plan.joints), ns, *columns)
+def to_record(plan: Plan, times: Samples, samples: Samples, source: str) -> Record:
+    """The record; a fixed base has joints only."""
+    ns = {name: np.round(t * 1e9).astype(np.int64) for name, t in times.items()}
+    columns = (samples[name] for name in ('q', 'qd', 'tau'))
+    joints = JointSeries(tuple(plan.joints), ns['q'], *columns)
     if not plan.free:
         return Record(joints, source=source)
-    ns, kept = stamps(1, samples['gyro'][0])
-    rates = RateSeries(ns, samples['gyro'][1][kept])
-    ns, kept = stamps(2, samples['attitude'][0])
-    attitude = Rotation.from_matrix(samples['attitude'][1][kept]).as_quat()
-    return Record(joints, rates, AttitudeSeries(ns, attitude), source=source)
+    attitude = Rotation.from_matrix(samples['attitude']).as_quat()
+    rates = RateSeries(ns['omega'], samples['omega'])
+    return Record(joints, rates, AttitudeSeries(ns['attitude'], attitude), source=source)
 
 
 def write_bag(record: Record, path: Path, base_link: str) -> Path:
     """The record as a rosbag2 folder on the standard topics."""
     with BagWriter(path) as bag:
         j, compose = record.joints, bag.compose
-        for k, ns in enumerate(j.stamp_ns.tolist()):
-            columns = (j.position[k], j.velocity[k], j.effort[k])
+        for ns, *columns in zip(
+            j.stamp_ns.tolist(), j.position, j.velocity, j.effort, strict=True
+        ):
             bag.add('/joint_states', compose.joint_state(ns, j.names, *columns))
         if record.rates is not None:
             for ns, omega in zip(record.rates.stamp_ns.tolist(), record.rates.omega, strict=True):
                 bag.add('/imu/data', compose.imu(ns, base_link, omega))
-        if record.attitudes is not None:
-            a = record.attitudes
+        if (a := record.attitudes) is not None:
             for ns, q in zip(a.stamp_ns.tolist(), a.q_xyzw, strict=True):
                 bag.add('/attitude', compose.quaternion(ns, q))
     return path

@@ -11,11 +11,8 @@ from typing import Any
 from spacerobot_ros.control.adaptive.law_signals import AdaptiveSettings
 
 from ..campaigns import Results, TrialRecord, key, kinds, without
-from .adaptive_judge import identities
-from .adaptive_judge import judge as judge
+from .adaptive_judge import drawings, identities, shown  # noqa: F401  the campaign's
 from .adaptive_run import TIMED, LoopCase, cycle_time, run_case
-from .adaptive_tables import drawings as drawings
-from .adaptive_tables import tables as tables
 
 LAWS = (
     ('passivity', 'none'),

@@ -5,31 +5,24 @@ With them the algebra behind the laws, measured on random states of the robot.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from spacerobot_ros.control.adaptive.regressors import Regressors, parameter_values
+from spacerobot_ros.display import Curve, Panel, Plot, Section
 from spacerobot_ros.dynamics.pinocchio_model import in_pinocchio
 from spacerobot_ros.types import Array
 
-from ..campaigns import Check, Results, TrialRecord
+from ..campaigns import Results, TrialRecord, grouped
 from .adaptive_run import minisat
 
 _STATES = 100
 _KNOWN = 1e-9  # of the largest singular value
-
-
-LIMITS = {
-    'rnea': ('Y pi against RNEA', 1e-12, 'N m'),
-    'slotine_li': ('Slotine-Li regressor against two calls', 1e-12, ''),
-    'coriolis': ('Y_SL pi against M A_r + C V_r', 1e-12, 'N m'),
-    'lyapunov': ('Lyapunov identity, random estimates', 1e-11, 'W'),
-}
-"""What the residuals are, and the largest good ones: rounding of 1e-16 of some 100 N m, summed
-over fifty parameters; the Lyapunov identity sums their products with rates."""
+_RESIDUALS = ('rnea', 'slotine_li', 'coriolis', 'lyapunov')
 
 
 def identities(seed: int = 0) -> dict[str, float]:
@@ -67,7 +60,7 @@ def identities(seed: int = 0) -> dict[str, float]:
         worst = np.maximum(worst, residuals)
     whole = np.array(rows)
     return {
-        **dict(zip(LIMITS, worst.tolist(), strict=True)),
+        **dict(zip(_RESIDUALS, worst.tolist(), strict=True)),
         'rank': _column_rank(whole.reshape(-1, len(pi))),
         'rank_without_force': _column_rank(whole[:, 3:].reshape(-1, len(pi))),
     }
@@ -114,12 +107,6 @@ def _lyapunov_residual(
 
 
 # figures to reach: what docs/adaptive.md shows of six priors, with a margin for other seeds
-_RANKS = {
-    'rank, ten rows': ('rank', 38),
-    'rank, the seven rows of the paper': ('rank_without_force', 37),
-}
-_SETTLING, _REBOUND = 7.0, 0.1  # s, deg: poles of 0.8 and 1 a second, that do not overshoot
-_FLOOR = (0.003, 0.0083)  # deg, attitude and joints: what torques held for 50 ms leave; no seed
 _LEARNT = (0.0035, 0.012)  # deg, almost the floor
 _HARMONIC = {
     ('iid', 'adaptive_rls', 'none'): _LEARNT,
@@ -128,21 +115,7 @@ _HARMONIC = {
     ('iid', 'adaptive_lyapunov', 'none'): (0.045, 0.25),  # of 0.009 and 0.08, which scatter most
     ('physical', 'adaptive_composite', 'project'): (0.009, 0.11),  # of 0.006 and 0.025
 }
-_BASE = {'Ixx': 2.0, 'mass': 1.0}  # %, after a run, from 10.8 and 12.8
-_TORQUE = 0.5  # %, of 0.39
 _HELD = ((0.25, 0.4, 3e-4), (0.25, 2.0, 3e-4), (0.5, 1.0, 1e-5))  # s, 1/s, deg of the last 10 s
-_CYCLE = {'adaptive_lyapunov': 15.0, 'adaptive_rls': 30.0}  # us, of an idle core
-
-
-def judge(results: Results) -> list[Check]:
-    """All figures to reach."""
-    return [
-        *_identity_checks(results),
-        *_set_point_checks(results),
-        *_harmonic_checks(results),
-        *_learning_checks(results),
-        *_sampling_checks(results),
-    ]
 
 
 def select(results: Results, *key: object) -> list[TrialRecord]:
@@ -178,69 +151,165 @@ def mean_base_errors(runs: Sequence[TrialRecord]) -> dict[str, np.ndarray]:
     return dict(zip(('Ixx', 'Iyy', 'Izz', 'mass'), mean.T, strict=True))
 
 
-def _both(name: str, reached: tuple[float, float], limits: tuple[float, float]) -> list[Check]:
-    return [
-        Check(f'{name}: {what}', value, 0.0, limit, 'deg')
-        for what, value, limit in zip(('attitude', 'joints'), reached, limits, strict=True)
-    ]
-
-
-def _identity_checks(results: Results) -> list[Check]:
-    found = results['identities']
-    return [
-        *(Check(what, found[n], 0.0, limit, unit) for n, (what, limit, unit) in LIMITS.items()),
-        *(Check(what, found[name], rank, rank) for what, (name, rank) in _RANKS.items()),
-    ]
-
-
-def _set_point_checks(results: Results) -> list[Check]:
-    true = select(results, 'orientation', 'true')[0]
-    name, settling = 'orientation, true parameters', or_infinite(true['settling_s'])
+def _reached(results: Results) -> TrialRecord:
+    """Figures to reach that are no rows of a table: set-points, the floor, what is learnt."""
+    true, timed = select(results, 'orientation', 'true')[0], results['cycle_us']
     times = [or_infinite(run['settling_s']) for run in select(results, 'lambda')]
     slower = max(after - before for before, after in pairwise(times))
-    return [
-        Check(f'{name}: below 0.1 deg', settling, 0.0, _SETTLING, 's'),
-        Check(f'{name}: rebound', true['rebound_deg'], 0.0, _REBOUND, 'deg'),
-        Check('settling time, change with larger Lambda', slower, -100.0, 0.0, 's'),
-    ]
+    runs = select(results, 'harmonic', 'iid', 0.4, 'adaptive_rls', 'none')
+    errors = mean_base_errors(runs)
+    noisy = [run['torque_error'] for run in select(results, 'noise', 1.0, 'adaptive_rls')]
+    attitude, joints = worst(select(results, 'harmonic', 'true', 0.0, 'passivity'))
+    return {
+        'settling': or_infinite(true['settling_s']),
+        'rebound': true['rebound_deg'],
+        'slower': np.inf if np.isnan(slower) else slower,
+        **{'attitude': attitude, 'joints': joints, 'runs': len(runs)},
+        **{name: errors[name][1] for name in ('Ixx', 'mass')},
+        'torque': 100.0 * (sum(noisy) / len(noisy)),
+        'cycle': {t['law']: t['median'] for t in timed if t['physical_consistency'] == 'none'},
+    }
 
 
-def _harmonic_checks(results: Results) -> list[Check]:
-    true = worst(select(results, 'harmonic', 'true', 0.0, 'passivity'))
-    what = ('harmonic, true parameters, attitude', 'harmonic, true parameters, joints')
-    out = [Check(w, x, 0.0, limit, 'deg') for w, x, limit in zip(what, true, _FLOOR, strict=True)]
+def _tracked(results: Results) -> list[TrialRecord]:
+    """Worst errors of the harmonic task; indefinite estimates where bodies are projected."""
+    rows = []
     for (kind, law, consistency), limits in _HARMONIC.items():
         runs = select(results, 'harmonic', kind, 0.4, law, consistency)
         name = f'harmonic, {law}, {consistency}, {kind} priors 40 %, worst of {len(runs)}'
-        out += _both(name, worst(runs), limits)
-        if consistency == 'project':
-            share = max(run['indefinite'] for run in runs)
-            out.append(Check(f'{name}: indefinite estimates', 100.0 * share, 0.0, 0.0, '%'))
-    name = 'harmonic, adaptive_rls, base velocity not measured'
-    return out + _both(name, worst(select(results, 'unmeasured', 'adaptive_rls')), _LEARNT)
+        share = max(run['indefinite'] for run in runs) if consistency == 'project' else None
+        rows.append((name, *worst(runs), *limits, share and 100.0 * share))
+    name, runs = 'base velocity not measured', select(results, 'unmeasured', 'adaptive_rls')
+    rows.append((f'harmonic, adaptive_rls, {name}', *worst(runs), *_LEARNT, None))
+    names = ('name', 'attitude', 'joints', 'attitude_to', 'joints_to', 'indefinite')
+    return [dict(zip(names, row, strict=True)) for row in rows]
 
 
-def _learning_checks(results: Results) -> list[Check]:
-    """The base's parameters that the motion tells, after a run; torques learnt with noise."""
-    runs = select(results, 'harmonic', 'iid', 0.4, 'adaptive_rls', 'none')
-    name, errors = f'adaptive_rls, iid priors 40 %, mean of {len(runs)}', mean_base_errors(runs)
-    noisy = [run['torque_error'] for run in select(results, 'noise', 1.0, 'adaptive_rls')]
-    error = 100.0 * (sum(noisy) / len(noisy))
+def _held(results: Results) -> list[TrialRecord]:
+    """Below the sampling limit, the set-point is reached; true parameters."""
+    runs = [select(results, 'sampling', *of, 'true')[0] for *of, _ in _HELD]
     return [
-        *(Check(f'{name}: base {x}', errors[x][1], 0.0, most, '%') for x, most in _BASE.items()),
-        Check('noise x1, adaptive_rls: torque error', error, 0.0, _TORQUE, '%'),
+        {'period': period, 'rate': rate, 'limit': limit}
+        | {'last': np.inf if run['diverged'] else run['last_deg']}
+        for (period, rate, limit), run in zip(_HELD, runs, strict=True)
     ]
 
 
-def _sampling_checks(results: Results) -> list[Check]:
-    """Below the sampling limit, the set-point is reached; true parameters. Time of a cycle."""
-    out = []
-    for period, rate, limit in _HELD:
-        run = select(results, 'sampling', period, rate, 'true')[0]
-        name = f'held for {period:g} s, Lambda {rate:g}/s: attitude of the last 10 s'
-        last = np.inf if run['diverged'] else run['last_deg']
-        out.append(Check(name, last, 0.0, limit, 'deg'))
-    times = {(t['law'], t['physical_consistency']): t['median'] for t in results['cycle_us']}
-    for law, limit in _CYCLE.items():
-        out.append(Check(f'cycle, {law}', times[law, 'none'], 0.0, limit, 'us'))
-    return out
+_PLOTTED = (
+    ('adaptive_lyapunov', 'none'),
+    ('adaptive_rls_paper', 'none'),
+    ('adaptive_rls', 'none'),
+    ('adaptive_composite', 'project'),
+)
+
+
+def shown(results: Results) -> Results:
+    """With rows of the tables, one a group of runs."""
+    true = worst(select(results, 'harmonic', 'true', 0.0, 'passivity'))
+    kinds = {'element-wise': 'iid', 'physical': 'physical'}
+    harmonic = {name: _harmonic(results, kind) for name, kind in kinds.items()}
+    return {
+        **results,
+        **{'reached': _reached(results), 'tracked': _tracked(results), 'held': _held(results)},
+        **{kind: select(results, kind) for kind in ('lambda', 'period')},
+        'orientation': _rows(results, 'orientation', slice(1, 3), _orientation),
+        'harmonic': {n: {'floor': _pair(true), 'rows': rows} for n, rows in harmonic.items()},
+        'unmeasured': _rows(results, 'unmeasured', slice(1, 2), _spread),
+        'inertia': {law[0]: {'cells': _inertia(results, law)} for law in _PLOTTED},
+        'noise': _rows(results, 'noise', slice(1, 4), _noise),
+        'sampling': [
+            {'of': of, 'pole': (1.0 + of[1]) * of[0]}
+            | {k: _last(select(results, 'sampling', *of, k)) for k in ('true', 'iid')}
+            for of in _groups(results, 'sampling', slice(1, 3))
+        ],
+    }
+
+
+def _groups(results: Results, kind: str, parts: slice) -> dict[Any, list[TrialRecord]]:
+    """Runs of an experiment by some parts of their keys, in the order of the trials."""
+    return grouped(select(results, kind), lambda run: tuple(run['key'][parts]))
+
+
+def _rows(
+    results: Results, kind: str, parts: slice, row: Callable[[list[TrialRecord]], TrialRecord]
+) -> list[TrialRecord]:
+    return [{'of': of, **row(runs)} for of, runs in _groups(results, kind, parts).items()]
+
+
+def _pair(values: tuple[float, float]) -> str:
+    if not np.isfinite(values).all():
+        return 'diverges'
+    return f'{values[0]:.4f} / {values[1]:.4f}'
+
+
+def _spread(runs: list[TrialRecord]) -> TrialRecord:
+    return {'median': _pair(median(runs)), 'worst': _pair(worst(runs))}
+
+
+def _orientation(runs: list[TrialRecord]) -> TrialRecord:
+    settling = [or_infinite(run['settling_s']) for run in runs]
+    return {
+        'runs': len(runs),
+        **{'least': f'{min(settling):.2f}', 'most': f'{max(settling):.2f}'},
+        'last': max(run['final_deg'] for run in runs),
+        'diverged': sum(run['diverged'] for run in runs),
+    }
+
+
+def _harmonic(results: Results, kind: str) -> list[TrialRecord]:
+    etas = sorted({run['key'][2] for run in select(results, 'harmonic', kind)})
+    rows = []
+    for law in _groups({'runs': select(results, 'harmonic', kind)}, 'harmonic', slice(3, 5)):
+        of = {eta: select(results, 'harmonic', kind, eta, *law) for eta in etas}
+        cells = {
+            f'{100 * eta:.0f} % {what}': pair
+            for eta, runs in of.items()
+            for what, pair in _spread(runs).items()
+        }
+        share = max(run['indefinite'] for run in of[etas[-1]])
+        rows.append({'of': law, 'cells': {**cells, 'indefinite [%]': f'{100 * share:.0f}'}})
+    return rows
+
+
+def _inertia(results: Results, law: tuple[str, str]) -> TrialRecord:
+    errors = mean_base_errors(select(results, 'harmonic', 'iid', 0.4, *law))
+    return {name: f'{a:.1f} -> {b:.1f}' for name, (a, b) in errors.items()}
+
+
+def _noise(runs: list[TrialRecord]) -> TrialRecord:
+    error = float(np.mean([run['torque_error'] for run in runs]))
+    return {'error': error, 'prior': runs[0]['prior_torque_error'], **_spread(runs)}
+
+
+def _last(runs: Sequence[TrialRecord]) -> str:
+    last = [run['last_deg'] for run in runs if not run['diverged']]
+    text, gone = f'{max(last):.2g}' if last else '-', len(runs) - len(last)
+    return f'{text}, {gone} of {len(runs)} diverged' if gone else text
+
+
+def drawings(records: Sequence[TrialRecord], results: Results) -> list[Section]:
+    """Figures 10 to 13 and the base's inertia over time, first prior at the largest error."""
+    kept = {tuple(r['key']): r['history'] for r in records if 'history' in r}
+    first = {key[3:5]: history for key, history in kept.items() if key[0] == 'harmonic'}
+    shown = {
+        'fixed': first['passivity', 'none'],
+        **{' '.join(law): first[law] for law in _PLOTTED},
+    }
+    sweep = {f'{key[1]:g}/s': history for key, history in kept.items() if key[0] == 'lambda'}
+    eta = next(key[2] for key in kept if key[0] == 'harmonic')
+    name = f'{100 * eta:.0f} % element-wise prior, first draw'
+
+    def panel(title: str, unit: str, what: str, of: dict[str, TrialRecord]) -> Panel:
+        curves = [Curve(n, np.array(h['time']), np.array(h[what])) for n, h in of.items()]
+        return Panel(title, unit, curves, log=unit == 'deg')
+
+    attitude, swept = (panel('attitude error', 'deg', 'attitude', of) for of in (shown, sweep))
+    joints = panel('joints', 'deg', 'joints', shown)
+    base = [panel(f'base {name}', '%', name, shown) for name in ('Ixx', 'mass')]
+    captions = {
+        f'Harmonic tracking (Figs 11 and 13), {name}.': [attitude, joints],
+        f"Relative error of the base's parameters (Fig. 12), {name}.": base,
+        'Set-point with true parameters and different Lambda (Fig. 10).': [swept],
+    }
+    plots = [Plot(panels, caption) for caption, panels in captions.items()]
+    return [Section('Figures', plots)]

@@ -61,9 +61,8 @@ class LinearSystem:
     @property
     def condition(self) -> tuple[float, float]:
         """Condition number of A, and of A with unit columns (its columns have different units)."""
-        return float(np.linalg.cond(self.A)), float(
-            np.linalg.cond(self.A / np.linalg.norm(self.A, axis=0))
-        )
+        scaled = self.A / np.linalg.norm(self.A, axis=0)
+        return float(np.linalg.cond(self.A)), float(np.linalg.cond(scaled))
 
     def solve(self) -> Array:
         """(3 + k,) least-squares solution, columns scaled to unit norm first."""
@@ -137,8 +136,9 @@ def noise_free(
         truth = true_solution(case.robot, minimal)
         exact, forward = (linear_system(case.robot, minimal, m, start) for m in motions)
         errors = [relative_errors(system.solve(), truth) for system in (exact, forward)]
+        largest = [float(np.nanmax(np.abs(error))) for error in errors]
         without = relative_errors(exact.without_aam().solve(), truth[3:])
-        known = paper.CONDITION_REFERENCE.get((axes, structure))
+        known = paper.CONDITION_REFERENCE.get(f'{axes} {structure}')
         out.append(
             {
                 'axes': axes,
@@ -148,10 +148,7 @@ def noise_free(
                 'rank_gap': minimal.rank_gap,
                 'condition': _conditions(exact.condition),
                 'reference': known and {'k': known['k'], **_conditions(known.get(start))},
-                'max_error_percent': {
-                    name: float(np.nanmax(np.abs(error)))
-                    for name, error in zip(_KINDS, errors, strict=True)
-                },
+                'max_error_percent': dict(zip(_KINDS, largest, strict=True)),
                 'paper_max_error_percent': paper.LARGEST_EXACT,
                 'wrong_model_median_error_percent': float(np.nanmedian(np.abs(without))),
                 'unknowns': {
@@ -170,9 +167,8 @@ def _conditions(raw_and_unit: tuple[float, float] | None) -> dict[str, float | N
 METHODS = ('paper', 'ls', 'recursive', 'ml')
 TRACKED = ('ls', 'recursive', 'ml')
 """Methods whose estimate of the first record is tracked with."""
-_WRONG = np.array(
-    [1.25, 1.5, 0.5, 1.5]
-)  # factors on each body's inertial parameters before identification
+# factors on each body's inertial parameters before identification
+_WRONG = np.array([1.25, 1.5, 0.5, 1.5])
 
 
 def noisy_run(axes: str, scale: float, seed: int) -> dict[str, Any]:
@@ -249,13 +245,17 @@ def score(runs: Sequence[dict[str, Any]], bound: Array) -> list[dict[str, Any]]:
         chi2 per degree of freedom, None for `paper`; the reference.
     """
     axes, scale = runs[0]['axes'], runs[0]['noise_scale']
-    truth, out, linear = true_values(axes), [], scale * np.array(paper.BOUND_REFERENCE[axes][0])
+    truth, out, linear = (
+        true_values(axes),
+        [],
+        scale * np.array(paper.BOUND_REFERENCE[axes]['aam']),
+    )
     for method in METHODS:
         values = np.array([run['solutions'][method] for run in runs])
         rmse, over, bias = error_figures(values, truth, bound)
         percent = np.abs(relative_errors(truth + rmse, truth))
         chi2 = [run['chi2_per_dof'][method] for run in runs if method != 'paper']
-        reference = paper.ESTIMATOR_REFERENCE.get((axes, scale, method))
+        reference = paper.estimator_reference(axes, scale, method)
         out.append(
             {
                 'axes': axes,

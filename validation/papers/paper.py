@@ -3,7 +3,8 @@
 The paper prints neither its joint axes nor its condition numbers nor its noise levels nor its
 gains; the references below are of an independent prototype, for the readings that fit. Its noise
 models are in a reference that we do not have; nominal here is a realistic level, and scale 0.1 is
-where plain least squares makes the errors that the paper prints (docs/reproduction.md).
+where plain least squares makes the errors that the paper prints
+(validation/results/reproduction.md).
 
 Motions come in two kinds. *Momentum-integrated*: joints follow the reference exactly, body rate
 and attitude from the conservation of momentum; then the paper's linear system is an identity,
@@ -15,7 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -31,6 +32,7 @@ from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.estimation.trajectory.base_response import BaseResponse, BaseStart
 from spacerobot_ros.estimation.trajectory.reference import Kinematics, NoiseLevels
 from spacerobot_ros.estimation.unknowns.minimal import MinimalSet, minimal_set
+from spacerobot_ros.model.files import read_yaml
 from spacerobot_ros.model.robot import Robot
 from spacerobot_ros.model.robot_settings import SensorSettings
 from spacerobot_ros.model.settings import IdentifierSettings
@@ -46,67 +48,24 @@ TABLE_SCALE = 0.1  # of our noise, where least squares makes errors as large as 
 TRACKING_ERROR_DEG, TRACKING_ERROR_M = 8.0, 0.9  # Figs 6 and 7, without knowledge of the wheels
 
 
-TABLE_III: dict[str, tuple[Any, ...]] = {
-    'label': (
-        *(f'x{i}' for i in range(1, 11)),
-        *('x12', 'x13', 'x14', 'x15', 'x16', 'x17', 'x18', 'x18', 'x19', 'x20', 'x21', 'x21'),
-    ),
-    'exact': (
-        *(6e-11, -4e-10, -2e-10, 6e-11, 1e-10, 6e-11, 4e-11, 6e-11, 6e-11, 6e-11, 4e-11),
-        *(3e-11, 7e-11, 7e-11, 1e-10, -9e-12, 6e-11, 3e-10, 6e-11, 7e-11, 6e-11, 6e-11),
-    ),
-    'noisy': (
-        *(0.16, -0.96, -0.75, 0.17, 0.12, 0.16, 0.10, 0.16, 0.17, 0.17, 0.15),
-        *(0.14, 0.14, 0.17, 0.17, 0.09, 0.13, 0.46, 0.17, 0.17, 0.16, 0.16),
-    ),
-}
-"""Rows of Table III: labels as printed (two indices occur twice, one is missing), relative errors
-without and with noise [%]."""
+_PRINTED = read_yaml(Path(__file__).with_name('printed.yaml'), 'printed')
+TABLE_III, CONDITION_REFERENCE = _PRINTED['table_iii'], _PRINTED['condition']
+BOUND_REFERENCE = _PRINTED['bound']
 LARGEST_EXACT: float = max(map(abs, TABLE_III['exact']))
-
-
-# (axes, structure) -> size of the minimal set; condition of A by start, raw and with unit columns.
-# Those of `generic` belong to the basis that is chosen, which is not the prototype's: size alone.
-CONDITION_REFERENCE: dict[tuple[str, str], dict[str, Any]] = {
-    (axes, 'symmetric'): {'k': k, 'moving': moving, 'wheels': wheels, 'spin_up': spin_up}
-    for axes, k, moving, wheels, spin_up in (
-        ('xyy', 19, (928, 306), (939, 266), (577, 160)),
-        ('zyx', 19, (801, 248), (1310, 334), (663, 167)),
-        ('zyy', 24, (1602, 782), (1010, 317), (504, 154)),
-    )
-} | {(axes, 'generic'): {'k': 45} for axes in ('xyy', 'zyx')}
-
 TRACKING_ERRORS = ('max_joint_error_deg', 'max_end_effector_error_m')
 
-# (axes, plant, law, bandwidth) -> largest errors, of the end effector in the base frame
-TRACKING_REFERENCE = {
-    (axes, plant, law, bandwidth): dict(zip(TRACKING_ERRORS, errors, strict=True))
-    for axes, plant, law, *pairs in (
-        ('xyy', 'correct', 'no_aam', (16.2, 0.63), (7.5, 0.32), (2.22, 0.104), (0.59, 0.029)),
-        ('xyy', 'correct', 'paper', (19.4, 0.86), (9.4, 0.44), (2.92, 0.141), (0.79, 0.044)),
-        ('xyy', 'paper', 'no_aam', (8.6, 0.47), (3.7, 0.18), (1.19, 0.062), (0.37, 0.022)),
-        ('zyx', 'correct', 'no_aam', (8.2, 0.53), (4.5, 0.23), (2.10, 0.083), (0.98, 0.033)),
-        ('zyx', 'correct', 'paper', (13.2, 0.91), (7.2, 0.41), (3.08, 0.127), (1.25, 0.046)),
-        ('zyx', 'paper', 'no_aam', (13.4, 1.00), (7.9, 0.49), (3.34, 0.128), (1.17, 0.028)),
-    )
-    for bandwidth, errors in zip((0.3, 0.5, 1.0, 2.0), pairs, strict=True)
-}
 
-# (axes, noise scale, method) -> RMSE of the AAM over the linear set's bound, |bias| / RMSE
-ESTIMATOR_REFERENCE = {
-    ('xyy', 1.0, 'paper'): (124.0, 0.97),
-    ('zyx', 1.0, 'paper'): (144.0, 0.95),
-    ('xyy', 0.1, 'paper'): (38.0, 0.67),
-    ('zyx', 0.1, 'paper'): (66.0, 0.49),
-    ('xyy', 1.0, 'ls'): (131.0, 1.0),
-    ('zyx', 1.0, 'ls'): (129.0, 1.0),
-    ('xyy', 0.1, 'ls'): (18.0, 0.88),
-    ('zyx', 0.1, 'ls'): (17.0, 0.90),
-}
+def tracking_reference(
+    axes: str, plant: str, law: str, bandwidth: float
+) -> dict[str, float] | None:
+    """Largest errors of the prototype; None where it has none."""
+    found = _PRINTED['tracking'].get(f'{axes} {plant} {law}', {}).get(bandwidth)
+    return found and dict(zip(TRACKING_ERRORS, found, strict=True))
 
-# axes -> Cramer-Rao bound at noise scale 1: AAM, one an axis, and median base parameter [%]; of
-# the linear set, whose numbers are freer than bodies: no bound of ours is above it
-BOUND_REFERENCE = {'xyy': ((0.141, 0.125, 0.146), 0.079), 'zyx': ((0.133, 0.111, 0.112), 0.062)}
+
+def estimator_reference(axes: str, scale: float, method: str) -> tuple[float, float] | None:
+    """RMSE of the AAM over the linear set's bound, and |bias| / RMSE; None as above."""
+    return _PRINTED['estimators'].get(f'{axes} {method}', {}).get(scale)
 
 
 STARTS = ('moving', 'wheels', 'spin_up')

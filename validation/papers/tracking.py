@@ -8,6 +8,7 @@ perfect on the paper's plant and fails on the correct one.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -103,7 +104,7 @@ def _simulate(
         'law': law,
         'bandwidth': bandwidth,
         **dict(zip(paper.TRACKING_ERRORS, largest, strict=True)),
-        'reference': paper.TRACKING_REFERENCE.get((case.axes, plant, law, bandwidth)),
+        'reference': paper.tracking_reference(case.axes, plant, law, bandwidth),
         'history': {
             'time': times,
             'joint_error': error,
@@ -116,11 +117,8 @@ def _simulate(
 
 def _miss(dynamics: Dynamics, x: Array, wanted: Array) -> float:
     actual = State.from_vector(x)
-    desired = State(
-        actual.p_WB, actual.q_WB_xyzw, wanted, actual.v_WB_B, actual.omega_WB_B, actual.qd
+    places = (
+        dynamics.body_position(state, len(wanted), _END_EFFECTOR)
+        for state in (actual, replace(actual, q=wanted))
     )
-    last = len(wanted)
-    gap = dynamics.body_position(actual, last, _END_EFFECTOR) - dynamics.body_position(
-        desired, last, _END_EFFECTOR
-    )
-    return float(np.linalg.norm(gap))
+    return float(np.linalg.norm(np.subtract(*places)))

@@ -267,15 +267,15 @@ CAUSES = {
     'ripple': [
         ('joint_torque_ripple', 'joint_2', {'amplitude': 2.0, 'harmonic': 24.0, 'phase': 0.3})
     ],
-    'torque constant': [('joint_torque_constant', 'joint_1', {'gain': -0.3})],
+    'torque constant': [('joint_torque_constant', 'joint_1', {'gain': 0.7})],
     'encoder': [('encoder_offset', 'joint_2', {'offset': 0.05})],
     'scales': [
-        ('encoder_scale', 'joint_1', {'gain': 0.05}),
-        ('joint_rate_scale', 'joint_2', {'gain': 0.03}),
+        ('encoder_scale', 'joint_1', {'gain': 1.05}),
+        ('joint_rate_scale', 'joint_2', {'gain': 1.03}),
         ('gyro_scale', None, {'x': 0.02, 'y': -0.02, 'z': 0.03}),
     ],
     'angles': [
-        ('gyro_misalignment', None, {'x': 0.03, 'y': -0.02, 'z': 0.05}),
+        ('gyro_misalignment', None, {'x': -0.03, 'y': 0.02, 'z': -0.05}),
         ('attitude_misalignment', None, {'x': 0.02, 'y': 0.05, 'z': -0.03}),
     ],
     'clocks': [

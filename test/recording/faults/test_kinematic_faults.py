@@ -122,9 +122,9 @@ CAUSES = {
         ('attitude_delay', None, {'delay': 0.1}),
     ],
     'joints': [
-        ('joint_rate_scale', 'joint_1', {'gain': 0.1}),
+        ('joint_rate_scale', 'joint_1', {'gain': 1.1}),
         ('encoder_offset', 'joint_2', {'offset': 0.1}),
-        ('encoder_scale', 'joint_3', {'gain': 0.1}),
+        ('encoder_scale', 'joint_3', {'gain': 1.1}),
         ('joint_delay', None, {'delay': 0.02}),
     ],
 }

@@ -10,10 +10,12 @@ from scipy.signal import savgol_filter
 
 mujoco = pytest.importorskip('mujoco')
 
+from support.against_mujoco import point_mass  # noqa: E402
+
 from spacerobot_ros.effects.robot_file import load_robot_file  # noqa: E402
 from spacerobot_ros.recording.faults.torque_faults import find_torque_faults, smoothed  # noqa: E402
 from spacerobot_ros.recording.record import JointSeries, Record  # noqa: E402
-from validation.mujoco.truth import ROBOTS, believing, generate  # noqa: E402
+from validation.mujoco.truth import ROBOTS, generate  # noqa: E402
 
 DEGREES = 180.0 / np.pi
 
@@ -138,8 +140,8 @@ def test_clean_data_have_no_slip(known, robot):
 CAUSES = {
     'friction': [('joint_viscous_friction', 'joint_2', {'coefficient': 30.0})],
     'dry friction': [('joint_coulomb_friction', 'joint_2', {'torque': 2.0})],
-    'payload': [('inertial_parameters', 'link_1', {'mass': 3.0, 'com': (0.2, 0.1, 0.3)})],
-    'torque constant': [('joint_torque_constant', 'joint_2', {'gain': -0.4})],
+    'payload': [('inertial_parameters', 'link_1', point_mass(3.0, (0.2, 0.1, 0.3)))],
+    'torque constant': [('joint_torque_constant', 'joint_2', {'gain': 0.6})],
     'harness': [('joint_stiffness', 'joint_2', {'stiffness': 20.0, 'rest_angle': 0.5})],
 }
 
@@ -153,9 +155,9 @@ def test_a_physical_cause_is_no_slip(tmp_path, robot, cause):
 
 @pytest.mark.parametrize('robot', ['servicer', 'sixdof'])
 def test_unknown_wheels_are_no_slip(tmp_path, robot):
-    momentum = dict(zip('xyz', ROBOTS[robot].target_wheels, strict=True))
-    wheels = [('target_wheel_momentum', ROBOTS[robot].target_link, momentum)]
-    believed = believing(robot, (0.0, 0.0, 0.0))
+    momentum = dict(zip('xyz', ROBOTS[robot].momentum, strict=True))
+    wheels = [('target_wheel_momentum', ROBOTS[robot].target, momentum)]
+    believed = replace(ROBOTS[robot], momentum=(0.0, 0.0, 0.0))
     case = generate(believed, wheels, folder=tmp_path, seed=7, duration=5.0)
     assert find_torque_faults(case.data, load_robot_file(case.robot).robot) == ()
 

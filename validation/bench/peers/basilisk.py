@@ -38,9 +38,11 @@ class Machine:
         self.drives = [self._drive(k, scenario) for k in range(3)]
         self.simulation.InitializeSimulation()
         self._place()
+        self.has_begun = False
 
     def run_to(self, t: float) -> None:
         """Integrate up to a time [s]."""
+        self.has_begun = True
         self.simulation.ConfigureStopTime(macros.sec2nano(t))
         self.simulation.ExecuteSimulation()
 
@@ -88,8 +90,7 @@ class Machine:
 
 def run(scenario: str, step: float) -> harness.Outcome:
     """One run; a held one stops at every control period to change the torques."""
-    machine, torques = Machine(scenario, step), harness.held_torques()
-    periods, first = round(1.0 / servicer.PERIOD), machine.state
+    machine = Machine(scenario, step)
     start = servicer.rotation_matrix(servicer.ATTITUDE_XYZW)
     # The scene publishes its state with the first step only.
     initial = (
@@ -100,32 +101,13 @@ def run(scenario: str, step: float) -> harness.Outcome:
         servicer.RATES,
         servicer.ATTITUDE_XYZW,
     )
-    started = False
 
     def state() -> tuple:
-        return first() if started else initial
+        return machine.state() if machine.has_begun else initial
 
-    def advance(second: int) -> None:
-        nonlocal started
-        started = True
-        if scenario == 'smooth':
-            machine.run_to(second + 1.0)
-            return
-        for k in range(second * periods, (second + 1) * periods):
-            machine.hold(torques[k])
-            machine.run_to((k + 1) * servicer.PERIOD)
-
-    return harness.run_seconds(advance, state)
-
-
-def settings() -> list[harness.Setting]:
-    """Steps from coarse to fine."""
-    return [
-        (scenario, f'RK4 {1e3 * h:g} ms', lambda s=scenario, h=h: run(s, h))
-        for scenario in servicer.SCENARIOS
-        for h in (1e-2, 5e-3, 2e-3, 1e-3)
-    ]
+    return harness.stepped(machine, scenario, state)
 
 
 if __name__ == '__main__':
-    harness.report('Basilisk', version('bsk'), settings())
+    steps = harness.by_step(run, (1e-2, 5e-3, 2e-3, 1e-3))
+    harness.report('Basilisk', version('bsk'), steps)

@@ -42,6 +42,7 @@ class Machine:
             integrator.set_target_accuracy(accuracy)
         self.hold((0.0, 0.0, 0.0), scenario)
         self.simulator.Initialize()
+        self.run_to = self.simulator.AdvanceTo
 
     def hold(self, torques: tuple[float, float, float], scenario: str = 'held') -> None:
         """Torques from now on."""
@@ -83,18 +84,8 @@ def _plant() -> MultibodyPlant:
 
 def run(scenario: str, scheme: str, step: float, accuracy: float) -> harness.Outcome:
     """One run; a held one stops at every control period to change the torques."""
-    machine, torques = Machine(scenario, scheme, step, accuracy), harness.held_torques()
-    periods = round(1.0 / servicer.PERIOD)
-
-    def advance(second: int) -> None:
-        if scenario == 'smooth':
-            machine.simulator.AdvanceTo(second + 1.0)
-            return
-        for k in range(second * periods, (second + 1) * periods):
-            machine.hold(torques[k])
-            machine.simulator.AdvanceTo((k + 1) * servicer.PERIOD)
-
-    return harness.run_seconds(advance, machine.state)
+    machine = Machine(scenario, scheme, step, accuracy)
+    return harness.stepped(machine, scenario, machine.state)
 
 
 def settings() -> list[harness.Setting]:

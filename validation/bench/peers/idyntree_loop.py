@@ -29,10 +29,9 @@ class Machine:
         self.mass = idyn.MatrixDynSize(6 + n, 6 + n)
         self.bias = idyn.FreeFloatingGeneralizedTorques(self.engine.model())
         self.pose, self.no_gravity, self.force = np.eye(4), np.zeros(3), np.zeros(6 + n)
-        self.x = np.zeros(13 + 2 * n)  # position, quaternion, joints, twist, rates
+        self.x = harness.start_vector()
         R = servicer.rotation_matrix(servicer.ATTITUDE_XYZW)
-        self.x[3:7], self.x[10 + n : 13 + n] = servicer.ATTITUDE_XYZW, R @ servicer.OMEGA_B
-        self.x[13 + n :] = servicer.RATES
+        self.x[10 + n : 13 + n] = R @ servicer.OMEGA_B
 
     def rate(self, x: np.ndarray, tau: tuple[float, float, float]) -> np.ndarray:
         """Time derivative of the state."""
@@ -65,15 +64,8 @@ class Machine:
         return R, omega, velocity, x[7 : 7 + n], x[13 + n :], x[3:7]
 
 
-def settings() -> list[harness.Setting]:
-    """Steps from coarse to fine."""
-    return [
-        (scenario, f'RK4 {1e3 * h:g} ms', lambda s=scenario, h=h: harness.rk4(Machine(), s, h))
-        for scenario in servicer.SCENARIOS
-        for h in (5e-2, 1e-2, 5e-3, 2e-3)
-        if scenario == 'smooth' or h <= servicer.PERIOD
-    ]
-
-
 if __name__ == '__main__':
-    harness.report('iDynTree', version('idyntree'), settings())
+    by_step = harness.by_step(
+        lambda scenario, h: harness.rk4(Machine(), scenario, h), (5e-2, 1e-2, 5e-3, 2e-3)
+    )
+    harness.report('iDynTree', version('idyntree'), by_step)

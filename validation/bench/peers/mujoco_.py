@@ -61,14 +61,11 @@ def smooth(step: float, integrator: str) -> harness.Outcome:
 
 def settings() -> list[harness.Setting]:
     """Steps from coarse to fine."""
+    scenarios, integrators = {'smooth': smooth, 'held': held}, ('implicitfast', 'RK4')
     return [
-        (
-            run.__name__,
-            f'{integrator} {1e3 * step:g} ms',
-            lambda r=run, s=step, i=integrator: r(s, i),
-        )
-        for run in (smooth, held)
-        for integrator in ('implicitfast', 'RK4')
+        (name, f'{i} {1e3 * step:g} ms', lambda r=run, s=step, i=i: r(s, i))
+        for name, run in scenarios.items()
+        for i in integrators
         for step in (1e-2, 5e-3, 2e-3, 1e-3, 5e-4)
     ]
 

@@ -18,20 +18,11 @@ from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.simulation.plant import Plant
 
-PACKAGE = Path(__file__).resolve().parents[2] / 'package.xml'
+PACKAGE = Path(__file__).resolve().parents[3] / 'package.xml'
 VERSION = ElementTree.parse(PACKAGE).findtext('version')
-ROBOT = build_robot(
-    parse_settings(
-        {
-            'robot': {
-                'base_link': 'base',
-                'gravity': [0.0, 0.0, 0.0],
-                'joints': [f'j_{name}' for name in servicer.JOINTS],
-            }
-        }
-    ),
-    servicer.urdf(),
-)
+_OWN = {'base_link': 'base', 'gravity': [0.0, 0.0, 0.0]}
+_OWN |= {'joints': [f'j_{name}' for name in servicer.JOINTS]}
+ROBOT = build_robot(parse_settings({'robot': _OWN}), servicer.urdf())
 START = State(
     np.zeros(3),
     servicer.ATTITUDE_XYZW,

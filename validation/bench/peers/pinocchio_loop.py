@@ -24,11 +24,8 @@ class Machine:
         self.places = np.array([joint.idx_q for joint in joints])
         self.rates = np.array([joint.idx_v for joint in joints])
         self.arm, self.effort = self.rates[:3], np.zeros(self.model.nv)
-        self.q, n = pin.neutral(self.model), len(joints)
-        self.x = np.zeros(13 + 2 * n)  # position, quaternion, joints, twist, rates
-        self.x[3:7], self.x[10 + n : 13 + n] = servicer.ATTITUDE_XYZW, servicer.OMEGA_B
-        self.x[13 + n :] = servicer.RATES
-        self.v, self.n = np.zeros(self.model.nv), n
+        self.q, self.x = pin.neutral(self.model), harness.start_vector()
+        self.v, self.n = np.zeros(self.model.nv), len(joints)
 
     def rate(self, x: np.ndarray, tau: tuple[float, float, float]) -> np.ndarray:
         """Time derivative of the state."""
@@ -60,15 +57,8 @@ class Machine:
         return R, omega, velocity, x[7 : 7 + n], x[13 + n :], x[3:7]
 
 
-def settings() -> list[harness.Setting]:
-    """Steps from coarse to fine."""
-    return [
-        (scenario, f'RK4 {1e3 * h:g} ms', lambda s=scenario, h=h: harness.rk4(Machine(), s, h))
-        for scenario in servicer.SCENARIOS
-        for h in (5e-2, 1e-2, 5e-3, 2e-3, 1e-3)
-        if scenario == 'smooth' or h <= servicer.PERIOD
-    ]
-
-
 if __name__ == '__main__':
-    harness.report('Pinocchio, plain loop', pin.__version__, settings())
+    by_step = harness.by_step(
+        lambda scenario, h: harness.rk4(Machine(), scenario, h), (5e-2, 1e-2, 5e-3, 2e-3, 1e-3)
+    )
+    harness.report('Pinocchio, plain loop', pin.__version__, by_step)

@@ -1,40 +1,47 @@
-"""Draw the pictures of docs/diagnosis_campaign.md from `OUT/results.json`.
+"""Draw the pictures of `diagnosis_campaign.md` from a campaign's results.
 
-python docs/images/diagnosis_campaign.py out/diagnosis-campaign/results.json [FOLDER]
+python -m validation.results.draw OUT/results.json [FOLDER]
 """
 
 from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib import pyplot as plt
 
 from spacerobot_ros.display import Matrix, Panel
-from validation.hidden.diagnosis_campaign_tables import drawings
+
+from ..hidden.diagnosis_score import drawings
 
 HERE = Path(__file__).parent
+plt.style.use(HERE.parents[1] / 'docs' / 'images' / 'figures.mplstyle')
 
 
-def main(results: Path, folder: Path = HERE) -> None:
+def main(results: Path, folder: Path = HERE / 'images') -> None:
     """Draw false alarms against detection, and who is taken for whom."""
-    plt.style.use(HERE / 'figures.mplstyle')
     (section,) = drawings((), json.loads(results.read_text(encoding='utf-8')))
     alarms, *confusion = section.items
-    curves(alarms.picture[0], alarms.abscissa, folder / 'diagnosis_roc.svg')
+    curves(alarms.picture, alarms.abscissa, folder / 'diagnosis_roc.svg')
     for plot in confusion:
         matrix(plot.picture, folder / 'diagnosis_confusion.svg')
 
 
-def curves(panel: Panel, abscissa: str, path: Path) -> None:
-    """The curves of a panel."""
-    figure, ax = plt.subplots(figsize=(8.0, 2.75), layout='constrained')
-    for curve in panel.curves:
-        ax.plot(curve.t, curve.y, label=curve.label)
-    ax.set(title=panel.title, ylabel=f'[{panel.unit}]', xlabel=abscissa)
-    ax.legend(loc='lower right', ncols=2)
+def curves(panels: Sequence[Panel], abscissa: str, path: Path) -> None:
+    """Panels over one abscissa."""
+    size = 8.0, 0.5 + 2.25 * len(panels)
+    figure, axes = plt.subplots(
+        len(panels), 1, sharex=True, squeeze=False, figsize=size, layout='constrained'
+    )
+    for ax, panel in zip(axes[:, 0], panels, strict=True):
+        for curve in panel.curves:
+            ax.plot(curve.t, curve.y, label=curve.label)
+        ax.set(title=panel.title, ylabel=f'[{panel.unit}]')
+        ax.legend(loc='lower right', ncols=2)
+    axes[-1, 0].set_xlabel(abscissa)
     figure.savefig(path, metadata={'Date': None})
 
 
