@@ -42,14 +42,8 @@ class DemoRun:
     def until(self, end: float) -> DemoRun:
         """The run up to a time [s], without estimates."""
         inside, entered = self.time <= end, self.ledger_time <= end
-        return DemoRun(
-            self.time[inside],
-            self.error[inside],
-            self.ledger_time[entered],
-            self.angular[entered],
-            self.drift[entered],
-            self.energy_drift[entered],
-        )
+        ledger = (self.ledger_time, self.angular, self.drift, self.energy_drift)
+        return DemoRun(self.time[inside], self.error[inside], *(x[entered] for x in ledger))
 
     @property
     def max_error_deg(self) -> float:
