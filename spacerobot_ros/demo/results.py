@@ -42,8 +42,14 @@ class DemoRun:
     def until(self, end: float) -> DemoRun:
         """The run up to a time [s], without estimates."""
         inside, entered = self.time <= end, self.ledger_time <= end
-        ledger = (self.ledger_time, self.angular, self.drift, self.energy_drift)
-        return DemoRun(self.time[inside], self.error[inside], *(x[entered] for x in ledger))
+        return DemoRun(
+            time=self.time[inside],
+            error=self.error[inside],
+            ledger_time=self.ledger_time[entered],
+            angular=self.angular[entered],
+            drift=self.drift[entered],
+            energy_drift=self.energy_drift[entered],
+        )
 
     @property
     def max_error_deg(self) -> float:

@@ -85,9 +85,10 @@ def estimate(message: Any) -> Estimate:
         raise MessageRejectedError(
             f'covariance has {len(message.covariance)} entries, expected {size * size}'
         )
+    fields: dict[str, Any] = {name: getattr(message, name) for name in (*_SCALARS, *_NUMBERS)}
+    fields |= {name: tuple(getattr(message, field)) for name, field in _TEXTS.items()}
     out = Estimate(
-        **{name: getattr(message, name) for name in (*_SCALARS, *_NUMBERS)},
-        **{name: tuple(getattr(message, field)) for name, field in _TEXTS.items()},
+        **fields,
         aam=np.array(message.aam),
         parameters=np.array(message.parameters),
         covariance=np.array(message.covariance).reshape(size, size),
