@@ -147,8 +147,10 @@ def estimate_of(robot, truth, **changes):
     parameters = minimal.of_robot(truth)
     size = 3 + len(parameters)
     estimate = Estimate(
-        'ml', True, '', ('link_3',), truth.target_momentum, minimal.names, parameters,
-        np.eye(size), size, size, 1.0, (), np.zeros(3), np.eye(3), 1.0, 1, 0,
+        method='ml', valid=True, reason='', aam_links=('link_3',), aam=truth.target_momentum,
+        parameter_names=minimal.names, parameters=parameters, covariance=np.eye(size), rank=size,
+        unknowns=size, condition=1.0, unexcited=(), total_momentum=np.zeros(3),
+        total_momentum_covariance=np.eye(3), chi2_per_dof=1.0, samples=1, stamp_ns=0,
     )  # fmt: skip
     return replace(estimate, **changes)
 
