@@ -39,7 +39,6 @@ from spacerobot_ros.display import (
     KeyFigures,
     Report,
     Section,
-    markdown,
     table_of,
 )
 from spacerobot_ros.errors import ConfigurationError, SpaceRobotError
@@ -49,6 +48,7 @@ from spacerobot_ros.model.files import write_text
 from spacerobot_ros.report.html import write_report
 
 from .campaigns import CAMPAIGNS, Campaign, Check, finish
+from .tables import markdown
 
 PROGRAMS = {
     'replay': 'what a change of the code changed of the answers to 130 recordings',

@@ -15,14 +15,14 @@ and what is no number are not.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from spacerobot_ros.display import Table, table_of
+from spacerobot_ros.display import Section, Table, table_of
 from spacerobot_ros.model.files import read_yaml
 
 from .shares import Share
@@ -159,3 +159,29 @@ def _at(seen: Any, path: str) -> Any:
 
 def _filled(text: str, seen: Mapping[str, Any]) -> str:
     return table_of([seen], '', text).rows[0][0]
+
+
+def markdown(title: str, sections: Iterable[Section]) -> str:
+    """A titled page of tables and texts; plots and key figures are left to HTML."""
+    return '\n'.join([f'# {title}\n', *(_section(section) for section in sections)])
+
+
+def _section(section: Section) -> str:
+    parts = [f'## {section.title}\n\n']
+    for item in section.items:
+        if isinstance(item, Table):
+            parts += [f'{line}\n\n' for line in (item.title, item.caption) if line]
+            parts.append(markdown_table(item))
+        elif isinstance(item, str):
+            parts.append(f'{item}\n\n')
+    return ''.join(parts)
+
+
+def markdown_table(table: Table) -> str:
+    """A table; what would end a cell is escaped."""
+    rows = [table.head, ['---'] * len(table.head), *table.rows]
+    return ''.join(f'| {" | ".join(_escaped(c) for c in row)} |\n' for row in rows)
+
+
+def _escaped(text: str) -> str:
+    return ' '.join(text.split()).replace('|', '\\|')

@@ -26,7 +26,7 @@ from ..errors import SpaceRobotError
 from ..model.files import read_text
 from ..recording.record import Record
 from ..recording.tables.table import FORMATS, kind_of
-from ..report.diagnosis_files import write_answer
+from ..report.diagnosis_page import write_answer
 
 _BAGS = ('mcap', 'db3')
 _BLOCK = 1 << 20  # bytes

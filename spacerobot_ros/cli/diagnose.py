@@ -53,7 +53,7 @@ def run(
     """Diagnose, write, print; 0 where the data are consistent with the model, else 1."""
     from ..diagnosis.answer.output import EXTENDED_MODEL
     from ..diagnosis.findings import Question, findings
-    from ..report.diagnosis_files import JSON_NAME, REPORT_NAME, write_answer
+    from ..report.diagnosis_page import JSON_NAME, REPORT_NAME, write_answer
     from ..report.diagnosis_tables import summary
 
     folder = opt.check_folder(out, (JSON_NAME, 'a diagnosis'), force)

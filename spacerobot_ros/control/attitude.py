@@ -136,8 +136,7 @@ def build_attitude(settings: ReferenceSettings, start_xyzw: Quaternion) -> Attit
     if settings.kind in ('set_point', 'step') and settings.attitude_xyzw:
         goal = np.array(settings.attitude_xyzw)
         rotation = rotation_between(start_xyzw, goal / np.linalg.norm(goal))
-        profile = (
-            Hold(one) if settings.kind == 'step' else PointToPoint(zero, one, settings.duration)
-        )
-        return Turn(start_xyzw, rotation, profile)
+        if settings.kind == 'step':
+            return Turn(start_xyzw, rotation, Hold(one))
+        return Turn(start_xyzw, rotation, PointToPoint(zero, one, settings.duration))
     return Turn(start_xyzw, none, Hold(zero))

@@ -193,13 +193,7 @@ class ComputedTorque:
         """(n,) joint acceleration that the law asks for [rad/s^2]."""
         return setpoint.qdd + self._kd * (setpoint.qd - qd) + self._kp * (setpoint.q - q)
 
-    def track(
-        self,
-        reference: Reference,
-        t: float,
-        sample: Feedback,
-        hold: float = 0.0,
-    ) -> Torque:
+    def track(self, reference: Reference, t: float, sample: Feedback, hold: float = 0.0) -> Torque:
         """Torque that follows the reference.
 
         Args:
@@ -216,10 +210,11 @@ class ComputedTorque:
         if hold:
             v = self.acceleration(setpoint, q, qd)
         omega = sample.omega_WB_B + half * sample.omega_slope
-        tau = self._torque(q, qd, omega, v)
+        equation = self.model(q, qd, omega)
+        tau = equation.H @ v + equation.c
         if self._feed_forward is not None:
             tau = self._feed_forward(setpoint, omega, tau)
-        return self._limit(tau)
+        return Torque(*within_limits(tau, self._limits))
 
     def damp(self, sample: Feedback, trust: float = 1.0) -> Torque:
         """Torque under which the joint rates decay, q'' = -damping q'.
@@ -231,13 +226,7 @@ class ComputedTorque:
                 guess must not stay on.
         """
         equation = self.model(sample.q, sample.qd, sample.omega_WB_B)
-        return self._limit(equation.H @ (-self._damping * sample.qd) + trust * equation.c)
-
-    def _torque(self, q: Array, qd: Array, omega_WB_B: Vector3, v: Array) -> Array:
-        equation = self.model(q, qd, omega_WB_B)
-        return equation.H @ v + equation.c
-
-    def _limit(self, tau: Array) -> Torque:
+        tau = equation.H @ (-self._damping * sample.qd) + trust * equation.c
         return Torque(*within_limits(tau, self._limits))
 
 

@@ -129,11 +129,7 @@ class JointController(Controller):
         model = law_model(options.law, robot)
         feed_forward = FeedForward(robot, effects) if effects else None
         self._torque = ComputedTorque(
-            model,
-            options.bandwidth,
-            self._limits,
-            options.damping,
-            feed_forward,
+            model, options.bandwidth, self._limits, options.damping, feed_forward
         )
         self.takes_estimates &= options.law != 'computed_torque_no_aam'
 

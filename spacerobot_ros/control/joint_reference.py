@@ -43,7 +43,7 @@ class Reference(Protocol):
         """The setpoint at time t [s] since the start of the motion."""
 
 
-def quintic_coefficients(duration: float, start: Setpoint, end: Setpoint) -> Array:
+def quintic(duration: float, start: Setpoint, end: Setpoint) -> Array:
     """Fifth-order polynomial between two setpoints.
 
     Args:
@@ -52,7 +52,8 @@ def quintic_coefficients(duration: float, start: Setpoint, end: Setpoint) -> Arr
         end: At t = duration.
 
     Returns:
-        (6, n) coefficients of 1, s, ..., s^5 with s = t / duration.
+        (6, 3 n) coefficients of 1, s, ..., s^5 with s = t / duration, of positions, rates and
+        accelerations.
     """
     T = duration
     c0, c1, c2 = start.q, start.qd * T, 0.5 * start.qdd * T**2
@@ -60,17 +61,9 @@ def quintic_coefficients(duration: float, start: Setpoint, end: Setpoint) -> Arr
     c3 = 10.0 * p - 4.0 * v + 0.5 * a
     c4 = -15.0 * p + 7.0 * v - a
     c5 = 6.0 * p - 3.0 * v + 0.5 * a
-    return np.array([c0, c1, c2, c3, c4, c5])
-
-
-def evaluate_quintic(coefficients: Array, duration: float, t: float) -> Setpoint:
-    """The setpoint at time t [s] of a polynomial from `quintic_coefficients`."""
-    s = t / duration
-    c = coefficients
-    q = c[0] + s * (c[1] + s * (c[2] + s * (c[3] + s * (c[4] + s * c[5]))))
-    qd = c[1] + s * (2.0 * c[2] + s * (3.0 * c[3] + s * (4.0 * c[4] + s * 5.0 * c[5])))
-    qdd = 2.0 * c[2] + s * (6.0 * c[3] + s * (12.0 * c[4] + s * 20.0 * c[5]))
-    return Setpoint(q, qd / duration, qdd / duration**2)
+    c, k = np.array([c0, c1, c2, c3, c4, c5]), _EXPONENTS[:, None]
+    rate, bend = np.roll(k * c, -1, axis=0), np.roll(k * (k - 1) * c, -2, axis=0)
+    return np.concatenate([c, rate / T, bend / T**2], axis=1)
 
 
 def rest(q: Array) -> Setpoint:
@@ -124,7 +117,7 @@ class Fourier:
         self._curves = np.concatenate([series, np.zeros((_POWERS, 3 * n))])
         first = Setpoint(*self._sums(np.zeros(())))
         end = Setpoint(self._start.q - first.q, -first.qd, -first.qdd)
-        self._curves[-_POWERS:] = _powers(quintic_coefficients(duration, end, end), duration)
+        self._curves[-_POWERS:] = quintic(duration, end, end)
         self._known: dict[float, Setpoint] = {}  # a law, its log and its limits ask for the same
 
     def at(self, t: float) -> Setpoint:
@@ -160,13 +153,6 @@ def _series(a: Array, b: Array, w: Array) -> Array:
     """(2 H, 3 n) position, rate and acceleration by sin(w t), then by cos(w t)."""
     sine, cosine = np.concatenate([a / w, b, -a * w]), np.concatenate([-b / w, a, b * w])
     return np.concatenate([sine, cosine], axis=1).T
-
-
-def _powers(c: Array, duration: float) -> Array:
-    """(6, 3 n) position, rate and acceleration by powers of t / duration, of a polynomial's."""
-    k = np.arange(_POWERS)[:, None]
-    rate, bend = (np.roll(x, -order, 0) for order, x in ((1, k * c), (2, k * (k - 1) * c)))
-    return np.concatenate([c, rate / duration, bend / duration**2], axis=1)
 
 
 class Harmonic:
@@ -215,7 +201,7 @@ class Blend:
         wanted = reference.at(t_start)
         offset = Setpoint(start.q - wanted.q, start.qd - wanted.qd, start.qdd - wanted.qdd)
         self._reference, self.begins, self.joining = reference, t_start, duration
-        self._offset = quintic_coefficients(duration, offset, rest(np.zeros(len(start.q))))
+        self._offset = quintic(duration, offset, rest(np.zeros(len(start.q))))
         self.duration = max(reference.duration, t_start + duration)
 
     def at(self, t: float) -> Setpoint:
@@ -224,8 +210,9 @@ class Blend:
         since = t - self.begins
         if since >= self.joining:
             return point
-        offset = evaluate_quintic(self._offset, self.joining, max(since, 0.0))
-        return Setpoint(point.q + offset.q, point.qd + offset.qd, point.qdd + offset.qdd)
+        share = max(since, 0.0) / self.joining
+        offset = (share**_EXPONENTS @ self._offset).reshape(3, -1)
+        return Setpoint(*(np.array(point) + offset))
 
 
 class PointToPoint(Blend):

@@ -68,8 +68,7 @@ class ErrorScale:
         """Whether values (m,) are as foretold, rather than off by an error (m,)."""
         if foretold is None:
             return False
-        near, far = (np.max(np.abs(x), initial=0.0) for x in (value - foretold, error))
-        return bool(near <= max(0.5 * far, self.stated))
+        return _largest(value - foretold) <= max(0.5 * _largest(error), self.stated)
 
 
 class Doubt(NamedTuple):
@@ -105,19 +104,14 @@ class RateGate:
         (t0, x0), (t1, x1) = self._last
         return np.asarray(x1 + (x1 - x0) * ((time - t1) / (t1 - t0)))
 
-    def is_doubtful(self, time: float, rate: Array, foretold: Array | None = None) -> bool:
-        """Whether a rate at a time [s], later than all before, contradicts them."""
-        off, is_repeated = self.look(time, rate, foretold)
-        return off is not None and not is_repeated
-
     def look(self, time: float, rate: Array, foretold: Array | None = None) -> Doubt:
         """Compare a rate at a time [s], later than all before, with them."""
         doubted, self._doubted = self._doubted, None
-        if len(self._last) < 2:
+        expected = self.predicted(time)
+        if expected is None:
             return Doubt()
-        (t0, x0), (t1, x1) = self._last
-        ahead, change = (time - t1) / (t1 - t0), x1 - x0
-        error = rate - (x1 + change * ahead)
+        (t0, _), (t1, _) = self._last
+        ahead, error = (time - t1) / (t1 - t0), rate - expected
         limit = self._scale.limit(error, math.sqrt(1.0 + (1.0 + ahead) ** 2 + ahead**2))
         limit = limit + (time - t1) * max(self._slopes)
         is_within = np.abs(error) <= limit
@@ -138,8 +132,7 @@ class RateGate:
         if not self._last:
             return 0.0
         t1, x1 = self._last[-1]
-        before = max(self._slopes, default=0.0)
-        return max(float(np.maximum.reduce(np.abs(rate - x1), initial=0.0)), (time - t1) * before)
+        return max(_largest(rate - x1), (time - t1) * max(self._slopes, default=0.0))
 
     @property
     def usual_change(self) -> float:
@@ -151,9 +144,7 @@ class RateGate:
         if self._last:
             t1, x1 = self._last[-1]
             self._period = time - t1
-            self._slopes.append(
-                float(np.maximum.reduce(np.abs(rate - x1), initial=0.0)) / self._period
-            )
+            self._slopes.append(_largest(rate - x1) / self._period)
         self._last, self._doubted = [*self._last[-1:], (time, rate)], None
 
 
@@ -235,6 +226,11 @@ class JointGate:
         return q + 0.5 * (time - last) * (qd + rate), rate
 
 
+def _largest(values: Array) -> float:
+    """Largest magnitude; zero of none."""
+    return float(np.maximum.reduce(np.abs(values), initial=0.0))
+
+
 def _position_error(last: tuple[float, Array, Array], time: float, q: Array, qd: Array) -> Array:
     """By how much a position is off the integral of the rates since another sample."""
     start, q0, qd0 = last
@@ -261,9 +257,8 @@ class AttitudeGate:
         """
         doubted, self._doubted = self._doubted, None
         limit = self._scale.limit(error, math.sqrt(2.0)) + bend
-        if np.all(np.abs(error) <= limit):
-            return False
-        if doubted is not None and np.all(np.abs(error - doubted) <= limit):
+        seen = [error] if doubted is None else [error, error - doubted]
+        if any(np.all(np.abs(off) <= limit) for off in seen):
             return False
         self._doubted = error
         return True
@@ -289,10 +284,10 @@ class SampleScreen:
 
     def reset(self) -> None:
         """Compare the next samples with nothing."""
-        std = self._std
         self._newest: dict[str, float] = {}
-        self._joints = JointGate(std['joint_position'], std['joint_velocity'])
-        self._rates, self._attitudes = RateGate(std['gyro']), AttitudeGate(std['attitude'])
+        self._joints = JointGate(self._std['joint_position'], self._std['joint_velocity'])
+        self._rates = RateGate(self._std['gyro'])
+        self._attitudes = AttitudeGate(self._std['attitude'])
 
     def joints(
         self, stamp_ns: int, q: Array, qd: Array, foretold: Feedback | None = None
@@ -322,7 +317,8 @@ class SampleScreen:
         if self._is_after_pause('imu', time, self._timeout):
             self._rates = RateGate(self._std['gyro'])
         soon = None if foretold is None else foretold.omega_WB_B
-        if self._rates.is_doubtful(time, omega_WB_B, soon):
+        off, is_repeated = self._rates.look(time, omega_WB_B, soon)
+        if off is not None and not is_repeated:
             self.left_out['imu'] += 1
             return False
         self._rates.take(time, omega_WB_B)

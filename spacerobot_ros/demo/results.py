@@ -43,12 +43,12 @@ class DemoRun:
         """The run up to a time [s], without estimates."""
         inside, entered = self.time <= end, self.ledger_time <= end
         return DemoRun(
-            self.time[inside],
-            self.error[inside],
-            self.ledger_time[entered],
-            self.angular[entered],
-            self.drift[entered],
-            self.energy_drift[entered],
+            time=self.time[inside],
+            error=self.error[inside],
+            ledger_time=self.ledger_time[entered],
+            angular=self.angular[entered],
+            drift=self.drift[entered],
+            energy_drift=self.energy_drift[entered],
         )
 
     @property

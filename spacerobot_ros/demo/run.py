@@ -81,10 +81,8 @@ class _Log:
         at = np.array([stamp_ns(book.header.stamp) * 1e-9 for book in self.ledger])
         momenta = [book.angular_momentum for book in self.ledger]
         angular = np.array([[h.x, h.y, h.z] for h in momenta])
-        drift, energy = (
-            np.array([getattr(book, f'{what}_drift') for book in self.ledger])
-            for what in ('momentum', 'energy')
-        )
+        drift = np.array([book.momentum_drift for book in self.ledger])
+        energy = np.array([book.energy_drift for book in self.ledger])
         time = np.array(stamps) * 1e-9
         return DemoRun(time, error, at, angular, drift, energy, tuple(self.estimates))
 

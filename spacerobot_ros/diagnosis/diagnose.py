@@ -27,16 +27,16 @@ from .arms.arm_conclusion import conclude_arm, still_answer
 from .arms.arm_found import ArmFound, refuse_rest
 from .arms.arms import find_arm_causes
 from .discovery.discover import discover
-from .discovery.discover_in_flight import discover_in_flight
-from .discovery.unmeasured import unmeasured_inputs, unshared_extras
+from .discovery.other_recording import unmeasured_inputs, unshared_extras
 from .events.arm_events import arm_events
 from .events.event import Event, Events, PossibleEvent
 from .events.impulses import impulse_events, large_steps, spans_of, steps_beside_usual
 from .limits import MISFIT, MOST
 from .lone_bodies.spinning import diagnose_spin, is_spinning
 from .lone_bodies.thrust import diagnose_thrust, has_pose_and_thrust
+from .orders.orders import find_orders, wheel_orders
 from .pieces import diagnose_pieces, pieces_of
-from .search.conclusion import conclude, worded_with_laws
+from .search.conclusion import conclude
 from .search.found import Found
 from .search.predictable import is_predictable
 from .search.search import Search
@@ -220,12 +220,21 @@ def _searched(
 def _concluded(
     found: Found, notes: tuple[str, ...], report: Callable[[str, float], None]
 ) -> Diagnosis:
-    """The answer of a search."""
+    """The answer of a search.
+
+    Orders of joints are asked where the model does not fit; those of wheels always, as they may be
+    above what the fit follows, or too small for a test of all that is left.
+    """
     report('measuring the gain', 0.9)
-    answer = conclude(found, (*notes, *in_words(found.fit.run.timing)))
-    fits = answer.fit_p is not None and answer.fit_p >= MISFIT
-    left = found.null if fits else found.sound
-    return worded_with_laws(discover_in_flight(answer, found.sound, report), left)
+    run = found.fit.run
+    answer = conclude(found, (*notes, *in_words(run.timing)))
+    units = {joint: run.robot.unit_of('N m', joint) for joint in run.robot.arm}
+    if answer.fit_p is None or answer.fit_p < MISFIT:
+        return replace(answer, orders=find_orders([run.record], units))
+    if run.record.wheels is None:
+        return answer
+    lines = wheel_orders(run.record, units)
+    return replace(answer, orders=tuple(order for own in lines.values() for order in own))
 
 
 def _predicted(

@@ -38,6 +38,8 @@ from .spatial import (
     motion_cross,
     plus,
     put,
+    put6,
+    put_column,
     rotate,
     times,
     unit,
@@ -92,22 +94,13 @@ def angular_momentum(tree: Records, q: Array, omega: Array, qd: Array) -> Angula
             rates[6 + j] = qd[s, j]
         propagate(tree, q[s], rates, qd[s], links)
         place_inertias(tree, links)
-        _own_momenta(links, own)
+        for k in range(bodies):
+            put6(own[k], *apply_inertia(links[k], *_velocity(links, k)))
         compose(tree, links)
         for i in range(bodies - 1, 0, -1):
             add6(own[tree[i].parent], *get6(own[tree[i].number]))
         _write(links, own, s, out)
     return out
-
-
-@inner
-def _own_momenta(links: Records, own: Array) -> None:
-    """Write every body's momentum (b, 6) about the base's origin, before inertias are composed."""
-    for k in range(len(links)):
-        v, w = _velocity(links, k)
-        p, g = apply_inertia(links[k], v, w)
-        put(own[k], 0, p)
-        put(own[k], 3, g)
 
 
 @inner
@@ -126,24 +119,23 @@ def _write(links: Records, own: Array, s: int, out: AngularMomentum) -> None:
     put(out.momentum[s], 0, _about(centre, drift, L, P, (0.0, 0.0, 0.0)))
     for a in range(3):
         p, g = apply_inertia(root, (0.0, 0.0, 0.0), unit(a))
-        _column(out.inertia[s], a, plus(g, times(-1.0, cross(centre, p))))
+        put_column(out.inertia[s], a, plus(g, times(-1.0, cross(centre, p))))
     for k in range(1, len(links)):
         screw_v, screw_w = get6(links[k].screw)
         put(out.axes[s, k - 1], 0, screw_w)
         p, g = apply_inertia(links[k], screw_v, screw_w)
-        _column(out.inertia[s], 2 + k, plus(g, times(-1.0, cross(centre, p))))
+        put_column(out.inertia[s], 2 + k, plus(g, times(-1.0, cross(centre, p))))
         force, torque = force_cross(links[k].screw, *get6(own[k]))
         slip_v, slip_w = motion_cross(links[k].screw, *_velocity(links, k))
         p, g = apply_inertia(links[k], slip_v, slip_w)
         dP, dL = plus(force, times(-1.0, p)), plus(torque, times(-1.0, g))
         shift = plus(times(links[k].mass, screw_v), cross(screw_w, get(links[k].moment, 0)))
-        _column(out.by_joints[s], k - 1, _about(centre, drift, dL, dP, shift))
+        put_column(out.by_joints[s], k - 1, _about(centre, drift, dL, dP, shift))
     for k in range(len(links)):
         R, origin = links[k].rotation, get(links[k].origin, 0)
         v, w = in_body(R, links[k].velocity)
         for a in range(3):
-            for b in range(3):
-                out.rotations[s, k, a, b] = R[a, b]
+            put(out.rotations[s, k, a], 0, get(R[a], 0))
         for j in range(10):
             f, g = momentum_column(j, v, w)
             dP, dL = rotate(R, f), rotate(R, g)
@@ -155,7 +147,7 @@ def _write(links: Records, own: Array, s: int, out: AngularMomentum) -> None:
                 shift = rotate(R, unit(j - 1))
             change = _about(centre, drift, dL, dP, shift)
             change = plus(change, times(gained, cross(centre, drift)))
-            _column(out.by_bodies[s], 10 * k + j, change)
+            put_column(out.by_bodies[s], 10 * k + j, change)
 
 
 @inner
@@ -163,9 +155,3 @@ def _about(centre: Triple, drift: Triple, dL: Triple, dP: Triple, shift: Triple)
     """DL - ds x P / M - s x dP / M."""
     lost = plus(cross(shift, drift), cross(centre, dP))
     return plus(dL, times(-1.0, lost))
-
-
-@inner
-def _column(out: Array, j: int, a: Triple) -> None:
-    """Write a column of three."""
-    out[0, j], out[1, j], out[2, j] = a

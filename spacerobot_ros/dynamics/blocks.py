@@ -38,7 +38,7 @@ from ..types import Array, BoolArray, IntArray
 from .compiling import Triple, compiled, inner
 from .forward_kinematics import BodyKinematics, body_accelerations, forward_kinematics
 from .rnea import rnea
-from .spatial import cross, get, plus, put, rotate, times, unit
+from .spatial import cross, get, plus, put, put_column, rotate, times, unit
 from .tree import PRISMATIC, Records, tree_of
 
 _CHUNK = 100  # bodies of so many samples at once: at 30 joints 10 MB
@@ -303,7 +303,7 @@ def momentum_columns(
             column = cross(_row(z, j), _row(rates, k))
             if j != k:
                 column = plus(column, cross(_row(z, k), _row(rates, j)))
-            out[s, 0, p], out[s, 1, p], out[s, 2, p] = column
+            put_column(out[s], p, column)
     return out
 
 
@@ -331,14 +331,14 @@ def rates_of_change(tree: Records, vectors: Vectors, q: Array, u: Array) -> tupl
         for j in range(size):
             Z, z, k = out[s, j], _row(motion[0], j), vectors.bodies[j]
             for a in range(3):
-                _put_column(Z, a, cross(unit(a), z))
+                put_column(Z, a, cross(unit(a), z))
             for i in range(1, len(tree)):
                 c = tree[i].number
                 if vectors.moves[c - 1, k] and tree[i].kind != PRISMATIC:
-                    _put_column(Z, 2 + c, cross(_row(axes, c - 1), z))
+                    put_column(Z, 2 + c, cross(_row(axes, c - 1), z))
             if vectors.slides[j]:
-                _put_column(Z, 2 + k, _row(axes, k - 1))
-            _put_column(Z, 3 + n, _row(motion[2], j))
+                put_column(Z, 2 + k, _row(axes, k - 1))
+            put_column(Z, 3 + n, _row(motion[2], j))
     return out, torques
 
 
@@ -348,16 +348,7 @@ def _row(x: Array, j: int) -> Triple:  # a view of it would cost more than what 
 
 
 @inner
-def _put_column(Z: Array, column: int, a: Triple) -> None:
-    Z[0, column], Z[1, column], Z[2, column] = a
-
-
-@inner
 def _kinematics(tree: Records, q: Array, u: Array) -> BodyKinematics:
-    rates, qd = np.zeros((len(q), 3 + u.shape[1])), np.empty(q.shape)
-    for s in range(len(u)):
-        for i in range(u.shape[1]):
-            rates[s, 3 + i] = u[s, i]
-            if i >= 3:
-                qd[s, i - 3] = u[s, i]
-    return forward_kinematics(tree, q, rates, qd)
+    rates = np.zeros((len(q), 3 + u.shape[1]))
+    rates[:, 3:] = u
+    return forward_kinematics(tree, q, rates, u[:, 3:].copy())

@@ -20,6 +20,7 @@ from .forward_kinematics import accelerate, propagate
 from .spatial import (
     add,
     along,
+    column,
     cross,
     dot,
     force_cross,
@@ -30,12 +31,13 @@ from .spatial import (
     plus,
     put,
     put6,
+    put_column,
     rotate,
     rotate_back,
     times,
     unit,
 )
-from .tree import Records
+from .tree import LOWER, Records
 
 WHEELS = np.dtype([('body', np.int64), ('rotation', np.float64, (3, 3))], align=True)
 """A link with wheels: its body's number, and link to body coordinates."""
@@ -44,6 +46,7 @@ Regression = tuple[Records, Records, Records, Records]
 """`BODY` records of its own, `WHEELS` records, and `LINK` records (overwritten) of the velocity
 and of the reference velocity."""
 _ZERO = (0.0, 0.0, 0.0)
+_ROW, _COLUMN = LOWER  # of the inertia, where its six numbers stand
 
 
 @compiled
@@ -153,17 +156,9 @@ def momentum_column(j: int, v: Triple, w: Triple) -> tuple[Triple, Triple]:
         return v, _ZERO
     if j < 4:
         return cross(w, unit(j - 1)), cross(unit(j - 1), v)
-    if j == 4:
-        return _ZERO, (w[0], 0.0, 0.0)
-    if j == 5:
-        return _ZERO, (w[1], w[0], 0.0)
-    if j == 6:
-        return _ZERO, (0.0, w[1], 0.0)
-    if j == 7:
-        return _ZERO, (w[2], 0.0, w[0])
-    if j == 8:
-        return _ZERO, (0.0, w[2], w[1])
-    return _ZERO, (0.0, 0.0, w[2])
+    a, b = _ROW[j - 4], _COLUMN[j - 4]
+    g = times(w[b], unit(a))
+    return _ZERO, g if a == b else plus(g, times(w[a], unit(b)))
 
 
 @inner
@@ -218,10 +213,9 @@ def momentum_map(machine: Regression, q: Array, V: Array, pi: Array, P: Array) -
     compose(tree, links)
     root = links[0]
     for b in range(6):
-        P[0, b], P[1, b], P[2, b] = apply_inertia(root, unit(b), unit(b - 3))[0]
+        put_column(P, b, apply_inertia(root, unit(b), unit(b - 3))[0])
     for k in range(1, len(tree)):
-        p, _ = apply_inertia(links[k], *get6(links[k].screw))
-        P[0, 5 + k], P[1, 5 + k], P[2, 5 + k] = p
+        put_column(P, 5 + k, apply_inertia(links[k], *get6(links[k].screw))[0])
     return root.mass
 
 
@@ -268,14 +262,14 @@ def fill_resting_momentum(
         add(links[tree[i].parent].momentum, 0, get(links[tree[i].number].momentum, 0))
     w0 = get(links[0].velocity, 3)
     for j in range(Yp.shape[1]):
-        lost = times(-1.0 / mass, (Yp[0, j], Yp[1, j], Yp[2, j]))
+        lost = times(-1.0 / mass, column(Yp, j))
         for i in range(3, Yp.shape[0]):
-            Yp[i, j] += dot((P[0, i], P[1, i], P[2, i]), lost)
-        Yc[3, j], Yc[4, j], Yc[5, j] = cross((Yp[3, j], Yp[4, j], Yp[5, j]), w0)
+            Yp[i, j] += dot(column(P, i), lost)
+        put_column(Yc[3:], j, cross(column(Yp[3:], j), w0))
     for k in range(1, len(tree)):
         slope = _slope_by_velocity(links[k])
         for j in range(Yp.shape[1]):
-            Yc[5 + k, j] -= dot(slope, (Yp[0, j], Yp[1, j], Yp[2, j])) / mass
+            Yc[5 + k, j] -= dot(slope, column(Yp, j)) / mass
     Yp[:3], Yc[:3] = 0.0, 0.0
 
 

@@ -107,12 +107,7 @@ class Dynamics:
             (6,) [force; torque] on the base in base coordinates (zero for a fixed base), and (n,)
             joint torques.
         """
-        return self._inverse(state, self._kinematics(state), base_acceleration, qdd)
-
-    def _inverse(
-        self, state: State, kinematics: BodyKinematics, base_acceleration: Vector6, qdd: Array
-    ) -> tuple[Vector6, Array]:
-        joints = np.array([qdd], dtype=float)
+        kinematics, joints = self._kinematics(state), np.array([qdd], dtype=float)
         acceleration = np.concatenate([[base_acceleration], joints], axis=1)
         acceleration[0, :3] += self._lift(state)
         accelerations = body_accelerations(self._tree, kinematics, acceleration)
@@ -130,10 +125,8 @@ class Dynamics:
 
     def mass_matrix(self, q: Array) -> Array:
         """(6 + n, 6 + n) inertia, base [linear; angular] first; (n, n) for a fixed base."""
-        return self._inertia(self._at(q, np.zeros(6 + self._n)))
-
-    def _inertia(self, kinematics: BodyKinematics) -> Array:
-        return np.asarray(crba(self._tree, kinematics)[0, self._first :, self._first :])
+        M = crba(self._tree, self._at(q, np.zeros(6 + self._n)))
+        return np.asarray(M[0, self._first :, self._first :])
 
     def reduced(self, state: State) -> ReducedEquation:
         """Joint equation with the unactuated base eliminated.

@@ -134,8 +134,7 @@ def forward_kinematics(tree: Records, q: Array, rates: Array, qd: Array) -> Body
             own = links[k]
             put(origins[s, k], 0, get(own.origin, 0))
             for a in range(3):
-                for b in range(3):
-                    rotations[s, k, a, b] = own.rotation[a, b]
+                put(rotations[s, k, a], 0, get(own.rotation[a], 0))
             put6(twists[s, k], *in_body(own.rotation, own.velocity))
             put6(drifts[s, k], *get6(own.drift))
             if i > 0:

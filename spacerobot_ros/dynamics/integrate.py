@@ -1,6 +1,6 @@
 """The integrator: explicit Runge-Kutta steps.
 
-`hold_step` advances one control period under held torques; `rk_step` advances any differential
+`Holding` advances one control period under held torques; `rk_step` advances any differential
 equation. DOP853 takes twelve evaluations a step and at 10 ms keeps momentum to rounding; `RK4`
 takes four and is right to about 1e-7 there. The attitude quaternion is integrated by its own rate
 stage by stage (one exponential of an averaged rate would be second order, whatever the rest is).
@@ -180,7 +180,17 @@ class Holding:
         self._after = self._slopes[-1]
 
     def step(self, x: Array, tau: Array, base_wrench: Vector6 | None, t: float) -> Array:
-        """The state after a period; arguments as `hold_step`."""
+        """The state after a period.
+
+        Args:
+            x: (13 + 2 n,) state vector.
+            tau: (n,) joint torques, constant over the period [N m].
+            base_wrench: (6,) held force and torque on the base in base coordinates.
+            t: Time at the start [s], for error messages.
+
+        Raises:
+            SimulationDivergedError: the new state is not finite.
+        """
         state, held = self._inputs(x, tau, base_wrench)
         x, y, machine = state[0], self._after, self._machine
         for k in range(self._substeps):
@@ -194,29 +204,3 @@ class Holding:
                 f'{np.max(np.abs(tau)):g} N m',
             )
         return y.copy()
-
-
-def hold_step(
-    dynamics: Dynamics,
-    x: Array,
-    tau: Array,
-    period: float,
-    substeps: int = 1,
-    base_wrench: Vector6 | None = None,
-    t: float = 0.0,
-) -> Array:
-    """Advance the state by one control period with the torques held, by DOP853.
-
-    Args:
-        dynamics: Equations of motion.
-        x: (13 + 2 n,) state vector.
-        tau: (n,) joint torques, constant over the period [N m].
-        period: Control period [s].
-        substeps: Runge-Kutta steps in the period.
-        base_wrench: (6,) held force and torque on the base in base coordinates.
-        t: Time at the start [s], for error messages.
-
-    Raises:
-        SimulationDivergedError: the new state is not finite.
-    """
-    return Holding(dynamics, period, substeps).step(x, tau, base_wrench, t)

@@ -44,18 +44,13 @@ def equation_of_motion(
         acceleration: (1, 6 + n) of the base, none of the joints.
     """
     n = q.shape[1]
-    qd, qdd = np.empty((1, n)), np.zeros((1, n))
-    for j in range(n):
-        qd[0, j] = rates[0, 6 + j]
-    kinematics = forward_kinematics(trees[0], q, rates, qd)
+    qdd = np.zeros((1, n))
+    kinematics = forward_kinematics(trees[0], q, rates, rates[:, 6:].copy())
     accelerations = body_accelerations(trees[0], kinematics, acceleration)
-    out, M = np.empty((6 + n, 7 + n)), crba(trees[0], kinematics)
-    base = rnea(trees[0], kinematics, accelerations, qdd)
-    joints = rnea(trees[1], kinematics, accelerations, qdd)
-    for i in range(6 + n):
-        for j in range(6 + n):
-            out[i, j] = M[0, i, j]
-        out[i, 6 + n] = base[0, i] if i < 6 else joints[0, i]
+    out = np.empty((6 + n, 7 + n))
+    out[:, :-1] = crba(trees[0], kinematics)[0]
+    out[:6, -1] = rnea(trees[0], kinematics, accelerations, qdd)[0, :6]
+    out[6:, -1] = rnea(trees[1], kinematics, accelerations, qdd)[0, 6:]
     return out
 
 
@@ -81,9 +76,7 @@ def eliminate(equation: Array, count: int) -> bool:
             for column in range(p, size + 1):
                 rest[row, column] -= share * rest[p, column]
         if p == count - 1:
-            for i in range(size):
-                for j in range(size + 1):
-                    equation[i, j] = rest[i, j]
+            equation[:] = rest
     return is_definite
 
 

@@ -31,6 +31,18 @@ def add(x: Array, i: int, a: Triple) -> None:
 
 
 @inner
+def column(X: Array, j: int) -> Triple:
+    """Column j of three rows."""
+    return X[0, j], X[1, j], X[2, j]
+
+
+@inner
+def put_column(X: Array, j: int, a: Triple) -> None:
+    """Write column j of three rows."""
+    X[0, j], X[1, j], X[2, j] = a
+
+
+@inner
 def get6(x: Array) -> tuple[Triple, Triple]:
     """Both halves of six numbers."""
     return get(x, 0), get(x, 3)

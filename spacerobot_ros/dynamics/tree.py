@@ -100,7 +100,7 @@ def inertial_rows(robot: Robot) -> Array:
     c = np.array([body.com for body in robot.bodies])
     across = np.sum(c * c, axis=1)[:, None, None] * np.eye(3) - c[:, :, None] * c[:, None, :]
     moments = np.array([b.inertia for b in robot.bodies]) + mass[:, None, None] * across
-    return np.column_stack([mass, mass[:, None] * c, moments[:, _LOWER[0], _LOWER[1]]])
+    return np.column_stack([mass, mass[:, None] * c, moments[:, LOWER[0], LOWER[1]]])
 
 
-_LOWER = (np.array([0, 0, 1, 0, 1, 2]), np.array([0, 1, 1, 2, 2, 2]))  # Ixx Ixy Iyy Ixz Iyz Izz
+LOWER = (np.array([0, 0, 1, 0, 1, 2]), np.array([0, 1, 1, 2, 2, 2]))  # Ixx Ixy Iyy Ixz Iyz Izz

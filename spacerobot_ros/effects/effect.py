@@ -325,9 +325,11 @@ class Effect:
         """The effect with an axis x, y, z of unit length, its largest component above zero."""
         axis = self.vector()
         axis /= math.copysign(float(np.linalg.norm(axis)), max(axis, key=abs))
-        return replace(
-            self, values={**self.values, **dict(zip('xyz', axis.tolist(), strict=True))}
-        )
+        return self.changed(**dict(zip('xyz', axis.tolist(), strict=True)))
+
+    def changed(self, **values: float) -> Effect:
+        """The same with other values of some parameters."""
+        return replace(self, values={**self.values, **values})
 
 
 def own_states(effects: Sequence[Effect]) -> list[slice]:

@@ -9,7 +9,7 @@ import numpy as np
 from ..model.robot import Robot
 from ..types import Array
 from .effect import Effect
-from .motion import Motion, inverse_mass
+from .motion import Motion, mobility
 from .parameter import Parameter
 
 STICTION_RATE = 2e-3
@@ -45,8 +45,7 @@ class JointEffect(Effect):
 
     def mobility(self, robot: Robot) -> float:
         """Acceleration of the joint by its own torque, all joints at zero [1/(kg m^2)]."""
-        column = 6 + robot.joints.index(str(self.where))
-        return float(inverse_mass(robot)[column, column])
+        return mobility(robot, 6 + robot.joints.index(str(self.where)))
 
 
 class JointTorque(JointEffect):

@@ -164,6 +164,13 @@ class Motion:
         q, qd = (np.ascontiguousarray(x, dtype=float) for x in (self.q, self.qd))
         return forward_kinematics(self.tree, q, self.rates, qd)
 
+    @property
+    def centres(self) -> Array:
+        """(N, n + 1, 3) centres of mass of the bodies in base coordinates [m]."""
+        com = np.array([body.com for body in self.robot.bodies])
+        turned = np.einsum('nbij,bj->nbi', self.kinematics.rotations, com)
+        return np.asarray(self.kinematics.origins + turned)
+
     @cached_property
     def extra(self) -> Mapping[str, Array]:
         """(N,) what else was measured, by name."""
@@ -209,6 +216,11 @@ def inverse_mass(robot: Robot) -> Array:
     first = 0 if robot.is_free else 6
     out[first:, first:] = np.linalg.inv(Dynamics(robot).mass_matrix(np.zeros(robot.n_joints)))
     return out
+
+
+def mobility(robot: Robot, column: int) -> float:
+    """Acceleration of a coordinate by its own force, the others free [1/kg or 1/(kg m^2)]."""
+    return float(inverse_mass(robot)[column, column])
 
 
 def _moves_alike(a: Robot, b: Robot) -> bool:

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..effects.motion import Motion
 from ..model.robot import Robot
-from ..types import Array, IntArray
+from ..types import Array
 from .trajectory.reference import Kinematics
 
 BLOCKS = 5
@@ -118,11 +118,6 @@ class Rows(MotionModel, Protocol):
     @property
     def row_times(self) -> Array:
         """(R,) time of every row [s], not decreasing."""
-        ...
-
-    @property
-    def row_sensors(self) -> IntArray:
-        """(R,) number of the scalar that each row measures."""
         ...
 
     def force_correlation(self, weights: Array) -> Array:

@@ -107,9 +107,11 @@ class Summary:
         """What the motion tells of the AAM, in a sentence; empty where there is none."""
         if not self.design.n_aam:
             return ''
-        design = self.design
+        design, problem = self.design, self.problem
+        is_stated = bool(np.any(problem.constants[problem.model.y] != 0.0))
+        bodies = "those of the file's truth" if is_stated else "the file's"
         return (
-            f'wheel momentum +- {design.aam_std:.3g} N m s if the bodies are {_bodies(self)}, '
+            f'wheel momentum +- {design.aam_std:.3g} N m s if the bodies are {bodies}, '
             f'+- {design.aam_std_as_stated:.3g} if they are as uncertain as robot.uncertainty says'
         )
 
@@ -151,12 +153,6 @@ def design_motion(file: RobotFile, progress: OnIteration = lambda *_: None) -> S
     """
     problem = Problem(file)
     return Summary(problem, search(problem, progress))
-
-
-def _bodies(summary: Summary) -> str:
-    problem = summary.problem
-    is_stated = bool(np.any(problem.constants[problem.model.y] != 0.0))
-    return "those of the file's truth" if is_stated else "the file's"
 
 
 def _better(problem: Problem, own: Prediction, searched: Prediction) -> str:

@@ -28,9 +28,9 @@ from ..estimation.trajectory.base_response import (
 )
 from ..estimation.trajectory.motion_limits import Use
 from ..estimation.trajectory.reference import Kinematics
-from ..estimation.unknowns.torque_hold import Holds, find_holds
+from ..estimation.unknowns.torque_hold import find_holds
 from ..identification.cramer_rao import information_root
-from ..identification.momentum_posterior import posterior_of
+from ..identification.momentum_posterior import posterior_of, prior_of
 from ..identification.summary import estimated_values
 from ..inference.square_root import marginal
 from ..json_values import json_as
@@ -205,7 +205,7 @@ def _predict(
     factor = information_root(model, exact, problem.noise, constants, holds)
     if with_rest:
         factor = np.concatenate([factor, _rest_rows(problem, model, motion)])
-    std = _prior_std(problem, model, motion, holds)
+    _, std = prior_of(model, options.momentum_prior_std, motion.h_W[0], holds)
     # first what is known besides [AAM; y], then the AAM's prior; that of y is for its factor
     data = _with_prior(factor, std, [*range(3), *range(model.y.stop, model.size)])
     factor = _with_prior(data[:, :-1], std, list(range(3, model.y.start)))
@@ -219,9 +219,10 @@ def _predict(
     n = model.n_aam
     axes = tuple(f'h_{link}_{axis}' for link in values['aam_links'] for axis in 'xyz')
     stated = _as_stated(model, factor)
+    of_prior = stated / np.outer(std[model.aam], std[model.aam])
     return Prediction(
         bits=float(np.sum(np.log2(np.hypot(1.0, told)))),
-        aam_bits=_bits_of_aam(stated, std[model.aam]),
+        aam_bits=-0.5 * float(np.linalg.slogdet(of_prior)[1]) / np.log(2.0),
         told=int(np.sum(told > 1.0)),
         tellable=_tellable(model),
         condition=float(raw[0]),
@@ -255,16 +256,6 @@ def _sparse(motion: BaseMotion, some: slice) -> BaseMotion:
     return replace(motion, time=motion.time[some], **fewer)
 
 
-def _prior_std(problem: Problem, model: MomentumModel, motion: BaseMotion, holds: Holds) -> Array:
-    """(p,) of the identifier's prior: bodies as the file states, total momentum left free."""
-    wide = problem.settings.identifier.momentum_prior_std
-    std = np.full(model.size, wide)
-    std[:3] = 10.0 * (wide + np.linalg.norm(motion.h_W[0]))
-    std[model.y] = model.bodies.std
-    std[model.other] = model.nuisances.prior(holds)[1]
-    return std
-
-
 def _with_prior(rows: Array, std: Array, part: list[int]) -> Array:
     """(p, p + 1) square-root information of rows (r, p) and the prior (p,) of some constants."""
     size = len(std)
@@ -287,12 +278,6 @@ def _as_stated(model: MomentumModel, factor: Array) -> Array:
     triangle = np.linalg.qr(np.concatenate([factor[:, :-1], prior]), mode='r')
     inverse = np.linalg.inv(triangle)[model.aam]
     return np.asarray(inverse @ inverse.T)
-
-
-def _bits_of_aam(covariance: Array, prior_std: Array) -> float:
-    """Bits by which the AAM is better known than by its prior."""
-    scaled = covariance / np.outer(prior_std, prior_std)
-    return -0.5 * float(np.linalg.slogdet(scaled)[1]) / np.log(2.0)
 
 
 def _tellable(model: MomentumModel) -> int:

@@ -61,7 +61,9 @@ class Problem(Motions):
         settings = file.settings
         options, identifier = settings.excitation, settings.identifier
         robot = assumed_robot(file.robot, settings)
-        momenta = _off_momenta(robot.target_momentum, options.momentum_uncertainty)
+        momentum = robot.target_momentum
+        off = options.momentum_uncertainty * np.eye(len(momentum))
+        momenta = [momentum + step for step in (*off, *-off) if step.any()]
         others = [robot.with_target_momentum(h) for h in momenta]
         super().__init__(robot, settings, options.duration, fine=FINE, others=others)
         self.believed = file.believed
@@ -178,10 +180,3 @@ def condition_numbers(model: MomentumModel, motion: BaseMotion) -> tuple[Array, 
     unit = A / np.where(norms > 0.0, norms, 1.0)
     raw, scaled = (np.minimum(np.linalg.cond(matrix), _WORST) for matrix in (A, unit))
     return raw, scaled
-
-
-def _off_momenta(momentum: Array, uncertainty: float) -> list[Array]:
-    if uncertainty == 0.0:
-        return []
-    steps = uncertainty * np.eye(len(momentum))
-    return [momentum + step for step in np.concatenate([steps, -steps])]

@@ -84,12 +84,8 @@ class Contrast:
         across = other.T @ own
         imitated = np.linalg.solve(other.T @ other + np.eye(other.shape[1]), across)
         size = max(1, len(total))
-        return cls(
-            *(
-                math.sqrt(max(float(np.trace(part)), 0.0) / size)
-                for part in (total, total - across.T @ imitated)
-            )
-        )
+        parts = total, total - across.T @ imitated
+        return cls(*(math.sqrt(max(float(np.trace(part)), 0.0) / size) for part in parts))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -187,13 +183,8 @@ def trial(
     first, second = (_directions(place, fit.rows.robot) for place in places)
     both = Signatures(fit.rows).whitened([*first, *second])
     columns = both[:, : len(first)], both[:, len(first) :]
-    return Trial(
-        motions=motions,
-        x=x,
-        origin=origin,
-        first=Contrast.of(*columns),
-        second=Contrast.of(*columns[::-1]),
-    )
+    ways = {'first': Contrast.of(*columns), 'second': Contrast.of(*columns[::-1])}
+    return Trial(motions=motions, x=x, origin=origin, **ways)
 
 
 def _directions(place: Place, robot: Robot) -> list[tuple[Effect, float]]:
@@ -217,9 +208,8 @@ def _starts(
         for level in _LEVELS:
             own = motions.own()
             if own is not None:
-                is_own = (
-                    level == 1.0 and motions.family.duration == file.settings.reference.duration
-                )
+                is_own_pace = motions.family.duration == file.settings.reference.duration
+                is_own = level == 1.0 and is_own_pace
                 yield motions, level * own, _OWN if is_own else f'{_OWN}, changed'
             for _ in range(options.starts):
                 yield motions, level * motions.random(rng, SAFE), 'random'

@@ -146,10 +146,8 @@ def _limit(
     record: Record, model: MomentumModel, posterior: MomentumPosterior, settings: Settings
 ) -> float:
     """Largest deviation of the AAM at which the estimate is valid [N m s]."""
-    joints = record.joints
-    assert joints is not None
-    time, q = record.joint_time, joints.position
-    qd = joints.velocity if joints.velocity is not None else np.gradient(q, time, axis=0)
+    time, q = record.joint_time, record.q
+    qd = record.qd if record.qd is not None else np.gradient(q, time, axis=0)
     some = slice(None, None, max(1, len(time) // _STATES))
     count = len(time[some])
     still = np.zeros((count, 3)), Rotation.identity(count)
@@ -188,19 +186,14 @@ class _Range:
         self._model = model
         self._robot = robot = model.robot_at(posterior.mean)
         self._limits = limits = Limits(robot, settings.excitation)
-        joints = record.joints
-        assert joints is not None
-        self._rest = np.clip(np.median(joints.position, axis=0), limits.lower, limits.upper)
+        self._rest = np.clip(np.median(record.q, axis=0), limits.lower, limits.upper)
         rates, (noise, _) = _rates(record, settings.simulator), with_typical(robot.sensors)
         self._information = Information(model, posterior.mean, noise, rates, settings.identifier)
         head = slice(3, model.y.stop)
         self._root = _square_root(posterior.covariance[head, head])
         self._now = np.sqrt(np.diag(posterior.covariance))[head]
         base = BaseResponse(robot)
-        place = (
-            np.tile(self._rest, (len(_TIMES), 1))[None],
-            *2 * (np.zeros((1, len(_TIMES), model.n)),),
-        )
+        place = _swing(_Probe(), np.zeros(model.n), self._rest)
         still = BaseStart(np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3))
         rested = base.move(_TIMES, *place, still)
         self._inverse = rested.inverse[0, 0]
@@ -220,8 +213,7 @@ class _Range:
         singles = self._try([_Probe((j,)) for j in joints])
         best = sorted(singles, key=lambda one: one.worst)[:_BEST]
         chosen = [one.probe.joints for one in best]
-        more = [_Probe(turn=axis) for axis in range(3)]
-        more += [_Probe(spins=True)]
+        more = [*(_Probe(turn=axis) for axis in range(3)), _Probe(spins=True)]
         more += [_Probe(tuple(sorted(a + b))) for a, b in combinations(chosen, 2)]
         more += [_Probe(one, spins=True) for one in chosen[:2]]
         more += [_Probe(one, turn=axis) for one in chosen[:1] for axis in range(3)]

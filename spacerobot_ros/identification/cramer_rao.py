@@ -1,4 +1,4 @@
-"""Cramer-Rao bound of the wheel momentum, the bodies and the minimal parameters along a motion.
+"""Cramer-Rao bound of the wheel momentum and the bodies along a motion.
 
 What the sensors of a run can tell at best, however they are processed. Unknown are the whole joint
 trajectory, the first attitude, the total momentum h_W, the AAM, the coordinates y of the bodies
@@ -6,24 +6,18 @@ and the nuisances; body rate and attitude follow from the conservation of moment
 model of the momentum filter, whose whitened rows on samples without noise, linearized about the
 truth, are a square root of the Fisher information.
 
-Symbols: p constants [h_W; AAM; y; nuisances], k minimal parameters x.
+Symbols: p constants [h_W; AAM; y; nuisances].
 """
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..estimation.filters.momentum_filter import MomentumFilter
 from ..estimation.filters.momentum_process import MomentumModel
 from ..estimation.trajectory.reference import NoiseLevels
-from ..estimation.unknowns.minimal import minimal_set
 from ..estimation.unknowns.torque_hold import Holds
 from ..recording.record import Record
 from ..types import Array
 from .maximum_likelihood import prepare
-
-_KNOWN = 1e-7  # of the largest singular value; the columns have unit norm
-_OPEN = 1e-5  # share of a number's derivatives along what is not told; differences leave 1e-9
 
 
 def information_root(
@@ -52,27 +46,3 @@ def information_root(
     momentum_filter = MomentumFilter(model)
     momentum_filter.run(stretch, constants)
     return momentum_filter.information.factor[:, :-1]
-
-
-def bound_std(root: Array, model: MomentumModel) -> Array:
-    """(3 n_links + k,) smallest standard deviations of an unbiased estimate of [AAM; x].
-
-    Args:
-        root: (p, p) square root of an information. What it tells nothing of is infinite.
-        model: Its robot is the truth; x are its minimal parameters.
-    """
-    minimal = minimal_set(model.robot, model.structure)
-    bodies, n = model.bodies, model.n_aam
-    asked = np.zeros((n + len(minimal), model.size - 3))
-    asked[:n, :n] = np.eye(n)
-    y = slice(n, n + bodies.size)
-    asked[n:, y] = bodies.derivatives(minimal.of_bodies, np.zeros(bodies.size))
-    wanted = root[3:, 3:]
-    scale = np.linalg.norm(wanted, axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
-    _, singular, right = np.linalg.svd(wanted / scale)
-    known = singular > _KNOWN * singular[0]
-    along = asked / scale @ right.T
-    std = np.linalg.norm(along[:, known] / singular[known], axis=1)
-    is_open = np.linalg.norm(along[:, ~known], axis=1) > _OPEN * np.linalg.norm(along, axis=1)
-    return np.where(is_open, np.inf, std)

@@ -88,15 +88,12 @@ class Estimate:
         Raises:
             IdentificationError: sizes that don't fit, non-finite numbers or a negative variance.
         """
-        size = len(self.aam) + len(self.parameters)
-        if len(self.aam) != 3 * len(self.aam_links) or len(self.parameters) != len(
-            self.parameter_names
-        ):
+        sizes = len(self.aam), len(self.parameters)
+        if sizes != (3 * len(self.aam_links), len(self.parameter_names)):
             raise IdentificationError('estimate: sizes of values and names do not fit')
-        if self.covariance.shape != (size, size):
-            raise IdentificationError(
-                f'estimate: covariance is {self.covariance.shape}, expected {(size, size)}'
-            )
+        shape, expected = self.covariance.shape, (sum(sizes), sum(sizes))
+        if shape != expected:
+            raise IdentificationError(f'estimate: covariance is {shape}, expected {expected}')
         values = np.concatenate([self.aam, self.parameters, self.covariance.ravel()])
         if not np.all(np.isfinite(values)):
             raise IdentificationError('estimate: not finite')

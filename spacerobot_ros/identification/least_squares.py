@@ -64,11 +64,7 @@ def momentum_columns(robot: Robot, minimal: MinimalSet, motion: Kinematics) -> A
 
 
 def solve_least_squares(
-    record: Record,
-    robot: Robot,
-    settings: IdentifierSettings,
-    noise: NoiseLevels,
-    source: Source,
+    record: Record, robot: Robot, settings: IdentifierSettings, noise: NoiseLevels, source: Source
 ) -> Estimate:
     """Least squares for [h_W; AAM; x].
 
@@ -103,7 +99,8 @@ def solve_least_squares(
     names = (*(f'h_{g.link}_{a}' for g in robot.target_wheels for a in 'xyz'), *minimal.names)
     root = marginal(information.factor, np.arange(3, len(constants)))[:, :-1]
     singular = np.linalg.svd(root / np.linalg.norm(root, axis=0), compute_uv=False)
-    weak = _weak_directions(root * _sizes(constants[3:], n))
+    _, spread, directions = np.linalg.svd(root * _sizes(constants[3:], n))
+    weak = list(directions[spread < WEAKLY_KNOWN])  # unit vectors that the data hardly tell
     chi2 = _chi2(robot, minimal, motion, constants, noise) / dof
     aam, std = constants[3 : 3 + n], np.sqrt(np.diag(covariance)[3 : 3 + n])
     limit = settings.valid_std * max(float(np.linalg.norm(aam)), 1e-9)
@@ -142,12 +139,6 @@ def _sizes(values: Array, n_aam: int) -> Array:
     """Sizes of wheel momenta and parameters by which directions are compared: their largest."""
     largest = [np.max(np.abs(part), initial=1e-300) for part in (values[:n_aam], values[n_aam:])]
     return np.repeat(largest, [n_aam, len(values) - n_aam])
-
-
-def _weak_directions(factor: Array) -> list[Array]:
-    """Unit vectors that the data hardly tell; unknowns in units of their sizes."""
-    _, singular, right = np.linalg.svd(factor)
-    return list(right[singular < WEAKLY_KNOWN])
 
 
 def _describe(direction: Array, names: tuple[str, ...]) -> str:

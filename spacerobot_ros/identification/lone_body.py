@@ -48,18 +48,16 @@ def identify_lone_body(record: Record, robot: Robot, believed: Sequence[Effect])
     start = InertialParameters(name='body', where=base, values=InertialParameters.nominal())
     fit = refine(Run(record, robot, believed, noise), [start])
     found = fit.rows.robot
-    slopes = _slopes(fit)
     sizes = np.array([p.size for _, p in fit.free])
+    slopes = _slopes(fit, _STEP * sizes)
     stds = np.array([fit.standard_deviations()[0][p.name] for _, p in fit.free])
     weak = stds * WEAKLY_KNOWN > sizes
-    names = _RATIOS
     unexcited = tuple(p.name for (_, p), is_weak in zip(fit.free, weak, strict=True) if is_weak)
     chi2 = float(fit.data @ fit.data) / max(len(fit.data) - len(fit.free), 1)
     reason = f'{len(unexcited)} of {len(stds)} directions are not excited yet' * bool(unexcited)
     if chi2 > LARGEST_CHI2:
-        reason = (
-            f'the model does not explain the data: chi-square per degree of freedom {chi2:.3g}'
-        )
+        why = 'the model does not explain the data: chi-square per degree of freedom'
+        reason = f'{why} {chi2:.3g}'
     moments, axes = np.linalg.eigh(found.bodies[0].inertia)
     estimate = Estimate(
         method='ml',
@@ -67,10 +65,10 @@ def identify_lone_body(record: Record, robot: Robot, believed: Sequence[Effect])
         reason=reason,
         aam_links=(),
         aam=np.zeros(0),
-        parameter_names=names,
+        parameter_names=_RATIOS,
         parameters=_ratios(found),
         covariance=slopes @ fit.covariance() @ slopes.T,
-        rank=max(0, len(names) - int(np.sum(weak))),
+        rank=max(0, len(_RATIOS) - int(np.sum(weak))),
         condition=float(np.linalg.cond(fit.tangents * sizes)),
         unexcited=unexcited,
         total_momentum=np.full(3, np.nan),
@@ -79,9 +77,9 @@ def identify_lone_body(record: Record, robot: Robot, believed: Sequence[Effect])
         samples=len(record.joint_time),
         stamp_ns=record.origin_ns + round(record.span[1] * 1e9),
         notes=(*record.notes, *notes, *_scale(found), _in_words(moments, axes)),
-        units=('',) * len(names),
-        unknowns=len(names),
-        sources=('data',) * len(names),
+        units=('',) * len(_RATIOS),
+        unknowns=len(_RATIOS),
+        sources=('data',) * len(_RATIOS),
     )
     return Identification(estimate, found)
 
@@ -92,16 +90,11 @@ def _ratios(robot: Robot) -> Array:
     return np.array([inertia[i, j] / inertia[0, 0] for i, j in _PLACES])
 
 
-def _slopes(fit: Fit) -> Array:
-    """(5, P) derivatives of the ratios by the fitted numbers."""
-    here, columns = _ratios(fit.rows.robot), []
-    for k, (_, p) in enumerate(fit.free):
-        step = _STEP * p.size
-        change = np.zeros(len(fit.free))
-        change[k] = step
-        (moved,) = fit.moved(change)
-        columns.append((_ratios(moved.change(fit.run.robot)) - here) / step)
-    return np.stack(columns, axis=1)
+def _slopes(fit: Fit, steps: Array) -> Array:
+    """(5, P) derivatives of the ratios by the fitted numbers, by steps (P,) of them."""
+    moved = [fit.moved(change)[0].change(fit.run.robot) for change in np.diag(steps)]
+    ratios = np.stack([_ratios(robot) for robot in moved], axis=1)
+    return (ratios - _ratios(fit.rows.robot)[:, None]) / steps
 
 
 def _scale(robot: Robot) -> tuple[str, ...]:

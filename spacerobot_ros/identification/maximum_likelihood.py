@@ -19,20 +19,9 @@ from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..recording.record import Record
 from ..types import Array
-from .momentum_posterior import MomentumPosterior, posterior_of
+from . import validity_limits as limits
+from .momentum_posterior import MomentumPosterior, posterior_of, prior_of
 from .outliers import FURTHEST
-from .validity_limits import (
-    BACKTRACK,
-    CLOSE,
-    CONTRACTION,
-    CONVERGED,
-    MOST_MINIMAL,
-    MOST_PASSES,
-    NEAR,
-    NEARER,
-    SETTLED,
-    WORSE,
-)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,10 +54,8 @@ def model_of(robot: Robot, settings: IdentifierSettings) -> MomentumModel:
     Raises:
         ConfigurationError: fixed base.
     """
-    model = MomentumModel(robot, settings.structure, settings.nuisances)
-    if robot.n_joints > MOST_MINIMAL:
-        return model
-    return MomentumModel(robot, settings.structure, settings.nuisances, is_minimal=True)
+    is_minimal = robot.n_joints <= limits.MOST_MINIMAL
+    return MomentumModel(robot, settings.structure, settings.nuisances, is_minimal=is_minimal)
 
 
 class MaximumLikelihood:
@@ -109,9 +96,7 @@ class MaximumLikelihood:
         if self._prior is None or not self.is_converged:
             return self._known
         factor, best = self._filter.information.factor.copy(), self.posterior().mean
-        change = self._model.filtered(best) - self._model.filtered(self.constants)
-        values = factor[:, -1] - factor[:, :-1] @ change
-        return Known(slice(0, len(factor)), best, factor[:, :-1], values)
+        return Known(slice(0, len(factor)), best, factor[:, :-1], self._left_at(best))
 
     @property
     def misfit(self) -> tuple[float, int]:
@@ -120,11 +105,8 @@ class MaximumLikelihood:
         What is beyond six standard deviations of a row does not count, so that a lone outlier
         that was not found is no misfit; what it does to the others' residuals is.
         """
-        information = self._filter.information
-        change = self._told_change(self.posterior().mean)
-        left = information.factor[:, -1] - information.factor[:, :-1] @ change
-        squares = information.residual + float(left @ left) - self._beyond
-        return max(squares, 0.0), information.rows
+        squares = self._squares_at(self.posterior().mean) - self._beyond
+        return max(squares, 0.0), self._filter.information.rows
 
     def solve(self, stretch: Stretch, on_pass: Callable[[int], None] = lambda _: None) -> None:
         """Estimate from a stretch alone, from the prior or from what was found last.
@@ -140,7 +122,10 @@ class MaximumLikelihood:
             IdentificationError: it is abandoned.
         """
         if self._prior is None:
-            self._prior = self._prior_of(stretch)
+            # the total momentum is centred on what the robot file's values imply
+            total = self._model.total_momentum(stretch.kinematics, self._model.prior())
+            wide = self._settings.momentum_prior_std
+            self._prior = prior_of(self._model, wide, total, stretch.holds)
             self.constants = self._prior[0].copy()
             if self._known is not None:
                 part = slice(self._known.part.start, self._model.y.stop)
@@ -149,28 +134,28 @@ class MaximumLikelihood:
             self.constants = self.posterior().mean
         best, goal, least = self.constants, self.constants, np.inf
         asked, share = np.full(2, 0.0 if self.is_converged else np.inf), 1.0
-        for done in range(MOST_PASSES):
+        for done in range(limits.MOST_PASSES):
             on_pass(done)
             if self.is_abandoned:
                 raise IdentificationError('nobody waits for it any more')
-            is_near = bool(asked[1] < (np.inf if self._model.is_minimal else NEAR))
+            is_near = bool(asked[1] < (np.inf if self._model.is_minimal else limits.NEAR))
             cost, values = self._pass(stretch, is_near=is_near)
             before, worse = asked, cost - least
             now = self._shift_asked() if np.isfinite(cost) else np.full(2, np.inf)
-            is_nearer = np.max(now) < np.max(before) and worse < NEARER * len(values)
+            is_nearer = np.max(now) < np.max(before) and worse < limits.NEARER * len(values)
             is_taken = np.isfinite(cost) and self._model.is_minimal
-            if not (is_taken or worse <= WORSE or is_nearer):
-                share *= BACKTRACK
+            if not (is_taken or worse <= limits.WORSE or is_nearer):
+                share *= limits.BACKTRACK
                 self.constants = self._towards(best, goal, share)
                 continue
             least, best, asked = cost, self.constants, now
             if np.all((before > 0.0) & (before < np.inf)):
-                self._left = np.minimum(1.0, CONTRACTION * asked / before)
+                self._left = np.minimum(1.0, limits.CONTRACTION * asked / before)
             left = asked * self._left
-            self.is_converged = bool(left[0] < CONVERGED) and is_near
-            if self.is_converged and (left[1] < SETTLED or asked[1] < CLOSE):
+            self.is_converged = bool(left[0] < limits.CONVERGED) and is_near
+            if self.is_converged and (left[1] < limits.SETTLED or asked[1] < limits.CLOSE):
                 break
-            share, goal = min(1.0, share / BACKTRACK), self._goal()
+            share, goal = min(1.0, share / limits.BACKTRACK), self._goal()
             self.constants = self._towards(best, goal, share)
         else:
             self.constants, self.is_converged = best, False
@@ -220,7 +205,7 @@ class MaximumLikelihood:
         self._posterior = None
         self._filter.run(stretch, self.constants, rows)
         mean = self.posterior().mean
-        change = self._model.filtered(mean) - self._model.filtered(self.constants)
+        change = self._told_change(mean)
         self._beyond += sum(_beyond(values - columns @ change) for columns, values in rows)
         self._move_on()
         share = self._model.joint_share(stretch.kinematics, mean)
@@ -235,20 +220,6 @@ class MaximumLikelihood:
             factor = self._filter.information.factor
             self._posterior = posterior_of(self._model, factor, self.constants, self._prior[1])
         return self._posterior
-
-    def _prior_of(self, stretch: Stretch) -> tuple[Array, Array]:
-        """(p,) mean and standard deviations; the bodies' are in `robot.uncertainty`.
-
-        The total momentum is centred on what the robot file's values imply and left free.
-        """
-        model, wide = self._model, self._settings.momentum_prior_std
-        mean = model.prior()
-        mean[:3] = model.total_momentum(stretch.kinematics, mean)
-        std = np.full(len(mean), wide)
-        std[:3] = 10.0 * (wide + np.linalg.norm(mean[:3]))
-        std[model.y] = model.bodies.std
-        mean[model.other], std[model.other] = model.nuisances.prior(stretch.holds)
-        return mean, std
 
     def _restart(self) -> None:
         """A filter that knows what was known before the stretch, about the constants."""
@@ -276,14 +247,19 @@ class MaximumLikelihood:
 
         Where the filter tells minimal parameters, of the most probable ones: the pass has them.
         """
-        information, y = self._filter.information, self.constants[self._model.y]
-        misfit = information.misfit
-        if self._model.is_minimal:
-            y, change = posterior.mean[self._model.y], self._told_change(posterior.mean)
-            left = information.factor[:, -1] - information.factor[:, :-1] @ change
-            misfit = information.residual + float(left @ left)
-        width = posterior.bodies.factor * self._model.bodies.std
-        return misfit + 2.0 * self._filter.log_spread + float(np.sum((y / width) ** 2))
+        at = posterior.mean if self._model.is_minimal else self.constants
+        stretched = at[self._model.y] / (posterior.bodies.factor * self._model.bodies.std)
+        squares = self._squares_at(at) + float(np.sum(stretched**2))
+        return squares + 2.0 * self._filter.log_spread
+
+    def _squares_at(self, constants: Array) -> float:
+        """Sum of squared residuals at (p,) constants."""
+        return self._filter.information.residual + float(np.sum(self._left_at(constants) ** 2))
+
+    def _left_at(self, constants: Array) -> Array:
+        """(g,) what the square-root information leaves unexplained at (p,) constants."""
+        factor = self._filter.information.factor
+        return np.asarray(factor[:, -1] - factor[:, :-1] @ self._told_change(constants))
 
     def _told_change(self, constants: Array) -> Array:
         return self._model.filtered(constants) - self._model.filtered(self.constants)

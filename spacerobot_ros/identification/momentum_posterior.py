@@ -8,10 +8,11 @@ import numpy as np
 import scipy
 
 from ..estimation.filters.momentum_process import MomentumModel
+from ..estimation.unknowns.torque_hold import Holds
 from ..inference.curved_posterior import curved_posterior
 from ..inference.scaled_prior import ScaledPosterior, scaled_posterior
 from ..inference.square_root import ordered
-from ..types import Array
+from ..types import Array, Vector3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,6 +33,24 @@ class MomentumPosterior:
     prior_std: Array
     rank: int
     is_settled: bool = True
+
+
+def prior_of(
+    model: MomentumModel, wide: float, total: Vector3, holds: Holds | None
+) -> tuple[Array, Array]:
+    """(p,) mean and standard deviations before any data; the bodies' are in `robot.uncertainty`.
+
+    Args:
+        model: The constants.
+        wide: Standard deviation of the wheels' momentum [N m s].
+        total: (3,) total momentum about which it is left free [N m s].
+        holds: When torques were set.
+    """
+    mean, std = model.prior(), np.full(model.size, wide)
+    mean[:3], std[:3] = total, 10.0 * (wide + np.linalg.norm(total))
+    std[model.y] = model.bodies.std
+    mean[model.other], std[model.other] = model.nuisances.prior(holds)
+    return mean, std
 
 
 def posterior_of(
@@ -56,14 +75,12 @@ def posterior_of(
         is_expected: See `scaled_posterior`.
         scale: Factor of the bodies' prior, where it is not sought.
     """
-    told, y = np.arange(model.filter_size)[model.filter_bodies], np.arange(model.size)[model.y]
-    own, across, right, root, values = ordered(
-        factor, np.setdiff1d(np.arange(factor.shape[1] - 1), told), told
-    )
+    every, y = np.arange(model.filter_size), np.arange(model.size)[model.y]
+    told = every[model.filter_bodies]
+    own, across, right, root, values = ordered(factor, np.setdiff1d(every, told), told)
     start, wide, is_settled = about[y], model.bodies.std, True
     if model.is_minimal:
-        found = curved_posterior(model, root, values, wide, start, scale)
-        slopes, bodies, is_settled = found
+        slopes, bodies, is_settled = curved_posterior(model, root, values, wide, start, scale)
     else:
         right_of_y = values + root @ start
         bodies = scaled_posterior(root, right_of_y, wide, is_expected=is_expected, factor=scale)

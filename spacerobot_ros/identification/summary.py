@@ -13,17 +13,10 @@ from ..estimation.unknowns.minimal import minimal_set
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..types import Array
+from . import validity_limits as limits
 from .estimate import Estimate, NamedValue
 from .maximum_likelihood import MaximumLikelihood
 from .momentum_posterior import MomentumPosterior
-from .validity_limits import (
-    CONTRADICTED,
-    FROM_DATA,
-    FROM_FILE,
-    LARGEST_CHI2,
-    MOST_LINES,
-    NO_MOMENTUM,
-)
 
 _WORDS = {'mass': 'mass', 'com': 'centre of mass', 'inertia': 'inertia'}
 _MEASURES = {'com': 'radius of gyration', 'inertia': 'extent'}
@@ -133,14 +126,9 @@ def estimated_values(model: MomentumModel, posterior: MomentumPosterior) -> dict
     found = wanted @ covariance[head, head] @ wanted.T
     wheels, bodies = posterior.prior_std[model.aam] ** 2, posterior.prior_std[model.y] ** 2
     prior = np.concatenate([wheels, slopes**2 @ bodies])
-    std = np.sqrt(np.diag(covariance))[model.other]
-    nuisances = zip(
-        model.nuisances.names,
-        mean[model.other].tolist(),
-        std.tolist(),
-        model.nuisances.units,
-        strict=True,
-    )
+    own, other = model.nuisances, model.other
+    std = np.sqrt(np.diag(covariance))[other]
+    nuisances = zip(own.names, mean[other].tolist(), std.tolist(), own.units, strict=True)
     mass, com, inertia = model.bodies.bodies(mean[model.y])
     return {
         'aam_links': tuple(g.link for g in model.robot.target_wheels),
@@ -159,30 +147,27 @@ def estimated_values(model: MomentumModel, posterior: MomentumPosterior) -> dict
 def sources(variance: Array, prior: Array) -> tuple[str, ...]:
     """What numbers are from, by how much data shrank their variance (k,) below the prior's."""
     told = 1.0 - variance / np.where(prior > 0.0, prior, 1.0)
-    return tuple(
-        'data' if share > FROM_DATA else 'file' if share < FROM_FILE else 'both' for share in told
+    words = np.where(
+        told > limits.FROM_DATA, 'data', np.where(told < limits.FROM_FILE, 'file', 'both')
     )
+    return tuple(words.tolist())
 
 
 def from_the_file(model: MomentumModel, posterior: MomentumPosterior) -> tuple[str, ...]:
     """What only the robot file tells of the bodies, in a few lines, such as `link_2: mass`."""
     variance = np.diag(posterior.covariance)[model.y]
+    is_untold = np.zeros(model.bodies.free.shape, dtype=bool)
     from_where = np.array(sources(variance, posterior.prior_std[model.y] ** 2))
-    told = np.full(model.bodies.free.shape, 'data', dtype=from_where.dtype)
-    told[model.bodies.free] = from_where
+    is_untold[model.bodies.free] = from_where == 'file'
     lines: dict[str, list[str]] = {}
-    for body, own in zip(model.robot.bodies, told, strict=True):
-        parts = [
-            words
-            for part, words in _WORDS.items()
-            if np.all(own[[p == part for p in PARTS]] == 'file')
-        ]
+    for body, own in zip(model.robot.bodies, is_untold, strict=True):
+        parts = [words for part, words in _WORDS.items() if own[np.array(PARTS) == part].all()]
         if parts:
             lines.setdefault(', '.join(parts), []).append(body.name)
     texts = [f'{", ".join(names)}: {parts}' for parts, names in lines.items()]
-    if len(texts) > MOST_LINES:
-        rest = len(texts) - MOST_LINES + 1
-        texts = [*texts[: MOST_LINES - 1], f'and some of {rest} other sets of bodies']
+    if len(texts) > limits.MOST_LINES:
+        rest = len(texts) - limits.MOST_LINES + 1
+        texts = [*texts[: limits.MOST_LINES - 1], f'and some of {rest} other sets of bodies']
     return tuple(texts)
 
 
@@ -195,23 +180,20 @@ def contradictions_of_file(model: MomentumModel, posterior: MomentumPosterior) -
     far = (np.abs(y) - 2.0 * std) / model.bodies.std
     body, part = np.nonzero(model.bodies.free)
     lines: dict[int, str] = {}
-    for i in np.argsort(-far)[: int(np.sum(far > CONTRADICTED))].tolist():
+    for i in np.argsort(-far)[: int(np.sum(far > limits.CONTRADICTED))].tolist():
         name, kind = model.robot.bodies[body[i]].name, PARTS[part[i]]
         size = f'off by {abs(y[i]):.2g} of its {_MEASURES.get(kind)}'
         if kind == 'mass':
             size = f"{np.exp(y[i]):.3g} times the file's"
-        stated = abs(y[i]) / model.bodies.std[i]
-        line = (
-            f'{name}: {_WORDS[kind]} {size}, {stated:.2g} of the deviations that the file states'
-        )
-        lines.setdefault(int(body[i]), line)
+        stated = f'{abs(y[i]) / model.bodies.std[i]:.2g} of the deviations that the file states'
+        lines.setdefault(int(body[i]), f'{name}: {_WORDS[kind]} {size}, {stated}')
     return tuple(lines.values())
 
 
 def unexplained(chi2_per_dof: float) -> str:
     """What to say of a misfit."""
-    chi2 = f'{chi2_per_dof:.3g}'
-    return f'the model does not explain the data: chi2 per degree of freedom is {chi2}'
+    why = 'the model does not explain the data: chi2 per degree of freedom is'
+    return f'{why} {chi2_per_dof:.3g}'
 
 
 def too_weak(std: float, limit: float) -> str:
@@ -261,7 +243,7 @@ def _doubt(
 ) -> str:
     """Why the data do not suffice; empty where they do."""
     posterior = finding.posterior
-    if finding.chi2_per_dof > LARGEST_CHI2 and not finding.doubt:
+    if finding.chi2_per_dof > limits.LARGEST_CHI2 and not finding.doubt:
         return unexplained(finding.chi2_per_dof)
     if posterior.bodies.above > 0.5:
         which = f' ({far[0]})' if far else ''
@@ -278,7 +260,7 @@ def _doubt(
 def _notes(
     model: MomentumModel, posterior: MomentumPosterior, far: tuple[str, ...]
 ) -> tuple[str, ...]:
-    notes = [f'the file is contradicted: {line}' for line in far[:MOST_LINES]]
+    notes = [f'the file is contradicted: {line}' for line in far[: limits.MOST_LINES]]
     if far:
         notes.append(
             f'the data scale the uncertainties of the file by {posterior.bodies.factor:.2g}: '
@@ -292,7 +274,7 @@ def _notes(
     aam, part = posterior.mean[model.aam], model.aam
     if len(aam):
         square = float(aam @ np.linalg.solve(posterior.covariance[part, part], aam))
-        if square < NO_MOMENTUM * len(aam):
+        if square < limits.NO_MOMENTUM * len(aam):
             std = np.max(np.sqrt(np.diag(posterior.covariance)[part]))
             notes.append(f'wheel momentum: none, within +- {std:.2g} N m s')
     return tuple(notes)

@@ -52,11 +52,6 @@ class SquareRootInformation:
         """Count the unknowns from a new origin: t -> t - change."""
         self.factor[:, -1] -= self.factor[:, :-1] @ change
 
-    @property
-    def misfit(self) -> float:
-        """Sum of squares where all unknowns are zero."""
-        return self.residual + float(self.factor[:, -1] @ self.factor[:, -1])
-
     def solve(self) -> tuple[Array, Array]:
         """Estimate (p,) and covariance (p, p); directions without information stay at zero."""
         R, z = self.factor[:, :-1], self.factor[:, -1]

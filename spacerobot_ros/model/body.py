@@ -138,7 +138,7 @@ class Rotor:
 
     Args:
         joint: Name of its joint.
-        link: The link that carries it.
+        link: The link that carries it; of the servicer, the root.
         is_target: Whether it belongs to the captured body (else to the servicer).
         body: The rotor itself; `body.parent` is the host body.
         rate: Relative rate at the start [rad/s].
@@ -215,9 +215,9 @@ def merge_bodies(tree: Tree, joints: tuple[str, ...]) -> tuple[tuple[Body, ...],
                 frames[joint.child] = (index, *here)
             frontier.append(joint.child)
     solids: dict[int, Solid] = {}
-    for part in tree.links.values():
-        index, rotation, origin = frames[part.name]
-        own = part.solid.placed(rotation, origin)
+    for name, part in tree.links.items():
+        index, rotation, origin = frames[name]
+        own = part.placed(rotation, origin)
         if part.mass > 0.0:  # the first as it is: a single link stays exact
             solids[index] = solids[index].joined(own) if index in solids else own
     for index, solid in solids.items():

@@ -14,7 +14,7 @@ from .body import Body, Rotor, last_bodies, merge_bodies
 from .files import is_file
 from .inputs import read_thrusters
 from .robot import Robot
-from .robot_settings import RobotSettings, SensorSettings
+from .robot_settings import RobotSettings
 from .settings import Settings
 from .uncertainty import body_uncertainties
 from .urdf import Tree, parse_urdf
@@ -96,7 +96,8 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
         if name not in options.joints:
             place = f'robot.passive_joints[{i}]'
             raise ConfigurationError(place, f'{name!r} is none of robot.joints')
-    _check_sensors(options, settings.sensors)
+    for name in ('joint_position_std', 'joint_velocity_std', 'joint_effort_std'):
+        _each(options, f'sensors.{name}', getattr(settings.sensors, name))
     bodies, frames = merge_bodies(lock_rotors(options, tree), options.joints)
     rotors = build_rotors(options, tree, frames)
     for body, why in _faulty_bodies(options, bodies, rotors):
@@ -128,11 +129,6 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
     )
 
 
-def _check_sensors(options: RobotSettings, sensors: SensorSettings) -> None:
-    for name in ('joint_position_std', 'joint_velocity_std', 'joint_effort_std'):
-        _each(options, f'sensors.{name}', getattr(sensors, name))
-
-
 def _each(options: RobotSettings, place: str, given: Any) -> tuple[Any, ...]:
     """One entry a joint of what is given once or once a joint; none where nothing is."""
     n = len(options.joints)
@@ -142,8 +138,7 @@ def _each(options: RobotSettings, place: str, given: Any) -> tuple[Any, ...]:
         return (given,) * n
     if len(given) != n:
         raise ConfigurationError(
-            place,
-            f'expected one for all joints, or a list of {n}; got a list of {len(given)}',
+            place, f'expected one for all joints, or a list of {n}; got a list of {len(given)}'
         )
     return given
 

@@ -303,11 +303,8 @@ class Robot:
 
     def _free_momentum(self, gyrostat: Gyrostat, is_target: bool) -> Vector3:
         rotors = [r for r in self.rotors[: self.rotor_count] if r.is_target == is_target]
-        if not is_target:
-            return sum((r.body_momentum for r in rotors), np.zeros(3))
-        return gyrostat.rotation.T @ sum(
-            (r.body_momentum for r in rotors if r.link == gyrostat.link), np.zeros(3)
-        )
+        own = (r.body_momentum for r in rotors if r.link == gyrostat.link)
+        return np.asarray(gyrostat.rotation.T @ sum(own, np.zeros(3)))
 
 
 def _finite(values: Array, shape: tuple[int, ...], what: str) -> Array:

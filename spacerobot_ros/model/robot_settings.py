@@ -5,15 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from .schema import (
-    FloatList,
-    FloatMap,
-    FloatOrList,
-    FreeMaps,
-    TextList,
-    TextOrList,
-    param,
-)
+from .schema import FloatList, FloatMap, FloatOrList, FreeMaps, TextList, TextOrList, param
 from .uncertainty import UncertaintySettings
 
 ANCHORS = ('none', 'gravity', 'inertia')

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -22,29 +23,9 @@ from .schema import LARGEST
 from .urdf_joints import MOVING, Joint, Mimic, with_held
 
 INERTIA = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
+Named = TypeVar('Named')
+_NOTHING = Solid(0.0, np.zeros(3), np.zeros((3, 3)))
 _XACRO = 'ros.org/wiki/xacro}'  # namespace of its elements, as the parser writes it
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Link:
-    """One link with its inertia about its own centre of mass, in the link frame.
-
-    Args:
-        name: Link name.
-        mass: Mass [kg]; zero for a massless frame.
-        com: (3,) centre of mass in the link frame [m].
-        inertia: (3, 3) about the centre of mass, axes of the link frame [kg m^2].
-    """
-
-    name: str
-    mass: float
-    com: Vector3
-    inertia: Matrix3
-
-    @property
-    def solid(self) -> Solid:
-        """Mass, centre of mass and inertia."""
-        return Solid(self.mass, self.com, self.inertia)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +34,7 @@ class Tree:
 
     name: str
     root: str
-    links: dict[str, Link]
+    links: dict[str, Solid]
     joints: dict[str, Joint]
 
 
@@ -92,8 +73,9 @@ def parse_urdf(
         raise ModelError(place, why)
     if root.tag != 'robot':
         raise ModelError(place, f'the root element is <{root.tag}>, expected <robot>')
-    links = _unique([_parse_link(e, place) for e in root.findall('link')], 'link', place)
-    joints = _unique([_parse_joint(e, place) for e in root.findall('joint')], 'joint', place)
+    links = _unique((_parse_link(e, place) for e in root.findall('link')), 'link', place)
+    each = (_parse_joint(e, place) for e in root.findall('joint'))
+    joints = _unique(((joint.name, joint) for joint in each), 'joint', place)
     joints = with_held(joints, held or {})
     children = {joint.child for joint in joints.values()}
     base = next((name for name in links if name not in children), '')
@@ -111,30 +93,30 @@ def by_parent(joints: dict[str, Joint]) -> dict[str, list[Joint]]:
     return below
 
 
-def _unique(items: list, kind: str, place: str) -> dict:  # type: ignore[type-arg]
-    named: dict = {}  # type: ignore[type-arg]
-    for item in items:
-        if item.name in named:
-            raise ModelError(f'{place}: {kind} {item.name!r}', 'this name is used twice')
-        named[item.name] = item
+def _unique(items: Iterable[tuple[str, Named]], kind: str, place: str) -> dict[str, Named]:
+    named: dict[str, Named] = {}
+    for name, item in items:
+        if name in named:
+            raise ModelError(f'{place}: {kind} {name!r}', 'this name is used twice')
+        named[name] = item
     return named
 
 
-def _parse_link(element: ElementTree.Element, place: str) -> Link:
+def _parse_link(element: ElementTree.Element, place: str) -> tuple[str, Solid]:
     name = element.get('name', '')
     where = f'{place}: link {name!r}'
     if not name:
         raise ModelError(f'{place}: <link>', 'has no name')
     inertial = element.find('inertial')
     if inertial is None:
-        return Link(name, 0.0, np.zeros(3), np.zeros((3, 3)))
+        return name, _NOTHING
     com, rotation = _parse_origin(inertial.find('origin'), where)
     mass_element, inertia_element = inertial.find('mass'), inertial.find('inertia')
     if mass_element is None or inertia_element is None:
         raise ModelError(where, '<inertial> needs both <mass> and <inertia>')
     mass = _parse_numbers(mass_element.get('value', ''), 1, f'{where} mass')[0]
     inertia = rotation @ _parse_inertia(inertia_element, where) @ rotation.T
-    return Link(name, mass, com, inertia)
+    return name, Solid(mass, com, inertia)
 
 
 def _is_xacro(element: ElementTree.Element) -> bool:
@@ -160,8 +142,8 @@ def _parse_inertia(element: ElementTree.Element, where: str) -> Matrix3:
 
 
 def _checked(
-    links: dict[str, Link], joints: dict[str, Joint], place: str, still: str
-) -> dict[str, Link]:
+    links: dict[str, Solid], joints: dict[str, Joint], place: str, still: str
+) -> dict[str, Solid]:
     """Links whose bodies are rigid ones.
 
     Links that are welded together are one body. Where one of them is none by itself, their first
@@ -180,16 +162,17 @@ def _checked(
         faults = [(part, why) for part, why in faults if why]
         if not faults:
             continue
-        nothing = {part: Link(part, 0.0, np.zeros(3), np.zeros((3, 3))) for part in names}
         is_body = not fault_of(whole.mass, whole.inertia)
         if any(links[part].mass < 0.0 for part in names) or not (is_body or name == still):
             part, why = faults[0]
             raise ModelError(f'{place}: link {part!r}', why)
-        out |= nothing | ({name: whole} if is_body else {})
+        out |= dict.fromkeys(names, _NOTHING) | ({name: whole} if is_body else {})
     return out
 
 
-def _whole(links: dict[str, Link], below: Mapping[str, Sequence[Joint]], names: list[str]) -> Link:
+def _whole(
+    links: dict[str, Solid], below: Mapping[str, Sequence[Joint]], names: list[str]
+) -> Solid:
     """The link of a list with all that is welded to it, whose names are added."""
     welded = {}
     for name in names:  # which grows; chains may be longer than the interpreter's stack
@@ -198,14 +181,9 @@ def _whole(links: dict[str, Link], below: Mapping[str, Sequence[Joint]], names: 
     whole = {name: links[name] for name in names}
     for name in reversed(names):
         for joint in welded[name]:
-            whole[name] = _joined(whole[name], whole[joint.child], joint)
+            part = whole[joint.child].placed(joint.rotation, joint.translation)
+            whole[name] = whole[name].joined(part)
     return whole[names[0]]
-
-
-def _joined(link: Link, part: Link, joint: Joint) -> Link:
-    """A link with another one on it."""
-    placed = part.solid.placed(joint.rotation, joint.translation)
-    return Link(link.name, *link.solid.joined(placed))
 
 
 def _parse_joint(element: ElementTree.Element, place: str) -> Joint:
@@ -298,7 +276,7 @@ def _parse_numbers(text: str, count: int, where: str) -> list[float]:
 
 
 def _faults_of_tree(
-    links: dict[str, Link], joints: dict[str, Joint], root: str, place: str
+    links: dict[str, Solid], joints: dict[str, Joint], root: str, place: str
 ) -> Iterator[tuple[str, str]]:
     """Why links and joints are not one tree: place and reason."""
     parents: dict[str, str] = {}

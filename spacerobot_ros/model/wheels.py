@@ -54,10 +54,11 @@ def build_rotors(options: RobotSettings, tree: Tree, frames: Frames) -> tuple[Ro
             if section == 'servicer_wheels' and body != 0:
                 why = f"the servicer's wheels are on {tree.root!r}, not on {joint.parent!r}"
                 raise ConfigurationError(place, why)
-            link = tree.links[joint.child]
-            masses = link.mass, link.com, link.inertia
-            part = Body(link.name, body, rotation, origin, joint.axis, False, *masses)
-            rotors.append(Rotor(name, joint.parent, section == 'target_wheels', part, rates[i]))
+            solid = tree.links[joint.child]
+            part = Body(joint.child, body, rotation, origin, joint.axis, False, *solid)
+            is_target = section == 'target_wheels'
+            link = joint.parent if is_target else tree.root
+            rotors.append(Rotor(name, link, is_target, part, rates[i]))
     return tuple(rotors)
 
 
@@ -68,7 +69,7 @@ def servicer_gyrostat(
     wheels, place = options.servicer_wheels, 'robot.servicer_wheels'
     if wheels.links not in ((), (tree.root,)):
         raise ConfigurationError(f'{place}.links', f"the servicer's wheels are on {tree.root!r}")
-    own = [replace(r, link=tree.root) for r in rotors if not r.is_target]
+    own = [r for r in rotors if not r.is_target]
     return _gyrostats(wheels, (tree.root,), frames, own, place)[0]
 
 

@@ -90,12 +90,9 @@ def urdf_text(robot: Robot) -> str:
     """
     rates = np.array([rotor.rate for rotor in robot.rotors])
     bodies = {body.name: body for body in robot.with_free_rotors(rates).bodies}
-    owners = _main_links(robot, set(bodies))
     root = ElementTree.fromstring(robot.urdf)
     for link in root.findall('link'):
         name = link.get('name', '')
-        if name not in owners:
-            continue
         for old in link.findall('inertial'):
             link.remove(old)
         if name in bodies and bodies[name].mass > 0.0:
@@ -105,19 +102,6 @@ def urdf_text(robot: Robot) -> str:
         _fix(element, joints[element.get('name', '')])
     ElementTree.indent(root)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding='unicode') + '\n'
-
-
-def _main_links(robot: Robot, names: set[str]) -> dict[str, str]:
-    """Main link of the body that each link belongs to."""
-    tree = robot.tree
-    parents = {joint.child: joint for joint in tree.joints.values()}
-    owners = {}
-    for link in tree.links:
-        at = link
-        while at not in names and at in parents and parents[at].kind == 'fixed':
-            at = parents[at].parent
-        owners[link] = at
-    return owners
 
 
 def _fix(element: ElementTree.Element, joint: Joint) -> None:

@@ -6,7 +6,6 @@ See docs/nodes/monitor.md.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -107,14 +106,9 @@ class MonitorNode(SensorNode):
         """Add a sample and judge what is complete by now."""
         if not self.is_active:
             return
-        monitor = self.monitor
-        add: dict[str, Callable[..., None]] = {
-            'imu': monitor.add_rate,
-            'attitude': monitor.add_attitude,
-            'joints': monitor.add_joints,
-        }
-        add[sensor](stamp_ns, *content)
-        self._publish_alarm(monitor.step(self.wall_ns()))
+        add = {'imu': 'add_rate', 'attitude': 'add_attitude', 'joints': 'add_joints'}[sensor]
+        getattr(self.monitor, add)(stamp_ns, *content)
+        self._publish_alarm(self.monitor.step(self.wall_ns()))
 
     def _on_commands(self, message: JointState) -> None:
         names = [thruster.name for thruster in self.monitor.robot.thrusters]

@@ -5,8 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from rclpy.clock import Clock, ClockType
-
 
 class Pace:
     """Steps that are due at a pace, and how far the simulation keeps up.
@@ -15,13 +13,9 @@ class Pace:
         period_ns: Simulated time of a step [ns].
         factor: Simulated time per wall time.
         catch_up: Largest number of steps to do at once; beyond, the simulation falls behind.
-
-    Attributes:
-        clock: The clock on the wall, for timers.
     """
 
     def __init__(self, period_ns: int, factor: float, catch_up: int) -> None:
-        self.clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._period_ns, self._factor, self._catch_up = period_ns, factor, catch_up
         self._slips = 0
         self.anchor(0)

@@ -45,10 +45,14 @@ class SimulatorNode(RobotNode):
 
     Attributes:
         plant: The simulated machine, once the robot is known.
+        answer: The command that lockstep waits for.
+        waiting: Wall time for which it has waited.
         ledger_every: Steps from one momentum book to the next.
     """
 
     plant: Plant
+    answer: Answer
+    waiting: IdleTime
     ledger_every: int
 
     def __init__(self, **node_kwargs: Any) -> None:
@@ -89,16 +93,6 @@ class SimulatorNode(RobotNode):
         """Stamp of the last message of each topic [ns]."""
         return self._topics.sent_ns if self.is_open else {}
 
-    @property
-    def awaited_ns(self) -> int | None:
-        """Stamp of the command that lockstep waits for [ns]; None while it waits for none."""
-        return self._answer.stamp_ns
-
-    @property
-    def waited_ns(self) -> int:
-        """Wall time for which lockstep has waited for the command [ns]."""
-        return self._waiting.ns
-
     def start(self) -> None:
         """Publish the samples of step 0, if that has not happened yet."""
         if not self._is_started and self.is_open:
@@ -116,7 +110,7 @@ class SimulatorNode(RobotNode):
             return
         self.start()
         step, forever = self.step_index, self._options.lockstep
-        wrench = self._held.wrench(step, forever=forever and self._answer.needs_base)
+        wrench = self._held.wrench(step, forever=forever and self.answer.needs_base)
         if self.firings:
             thrust = self.firings.wrench(step)
             wrench = thrust if wrench is None else wrench + thrust
@@ -176,7 +170,7 @@ class SimulatorNode(RobotNode):
         self._robot, options = robot, self._options
         self._names = list(robot.joints)
         self._held = HeldCommands(len(self._names), options.command_timeout / options.period)
-        self._answer = Answer(needs_base=self.settings.controller.law in ADAPTIVE_LAWS)
+        self.answer = Answer(needs_base=self.settings.controller.law in ADAPTIVE_LAWS)
         self._build()
         self.ledger_every = max(1, round(LEDGER_PERIOD / options.period))
         self._topics = SimulatorTopics(self, bool(wheels_of(self.plant)), self.ledger_every)
@@ -193,7 +187,7 @@ class SimulatorNode(RobotNode):
         period = POLL_PERIOD
         if not options.lockstep:
             period = options.period / options.real_time_factor
-        self._timer = self.create_timer(period, self._on_timer, clock=self._pace.clock)
+        self._timer = self.create_timer(period, self._on_timer, clock=self.steady)
 
     def _build(self) -> None:
         self.plant = build_plant(self._robot, self.settings)
@@ -201,8 +195,8 @@ class SimulatorNode(RobotNode):
         plant, section = self.plant, self.settings.firings
         self.firings = Firings(section, self._robot, plant.robot, plant.effects, plant.period)
         self._held.clear()
-        self._answer.clear()
-        self._waiting = IdleTime(POLL_PERIOD, lambda: self.wall_ns())
+        self.answer.clear()
+        self.waiting = IdleTime(POLL_PERIOD, lambda: self.wall_ns())
         self._repeated_ns = 0
         self._is_late = self._has_resent = False
         self._looks = 0
@@ -229,14 +223,14 @@ class SimulatorNode(RobotNode):
             if self._looks >= (LOOKS_AT_ONE if self._answerers() else LOOKS_AT_SEVERAL):
                 self.start()
             return
-        if self._answer.stamp_ns is None or self._is_paused or self._is_done():
+        if self.answer.stamp_ns is None or self._is_paused or self._is_done():
             return
-        self._waiting.tick()
-        waited = self._waiting.ns
+        self.waiting.tick()
+        waited = self.waiting.ns
         if waited > self._options.lockstep_timeout * 1e9 and not self._is_late:
             self._is_late = True
             self.get_logger().warning(
-                f'lockstep: no command stamped {self._answer.stamp_ns * 1e-9:.3f} s on '
+                f'lockstep: no command stamped {self.answer.stamp_ns * 1e-9:.3f} s on '
                 f'{self._command_topic} for {self._options.lockstep_timeout:g} s; still waiting'
             )
         if waited < self._repeated_ns + REPEAT_NS:
@@ -246,7 +240,7 @@ class SimulatorNode(RobotNode):
             self._topics.repeat_clock()
         else:
             self._has_resent = True
-            self._topics.resend(with_attitude=self._answer.needs_base)
+            self._topics.resend(with_attitude=self.answer.needs_base)
 
     def _answerers(self) -> set[bytes]:
         """Publishers of commands whose nodes get every sample that is sent from now on."""
@@ -262,18 +256,18 @@ class SimulatorNode(RobotNode):
 
     def _advance(self) -> None:
         """Lockstep: take the answer, and step until the joints are sampled again."""
-        torques = self._answer.complete()
+        torques = self.answer.complete()
         if torques is None or self._is_paused or self._is_done():
             return
         tau, wrench = torques
         self._held.set_tau(tau, self.step_index)
         if wrench is not None:
             self._held.set_wrench(wrench, self.step_index)
-        self._answer.clear()
+        self.answer.clear()
         if self._has_resent:
             self._has_resent, self._asked = False, self._answerers()
         self.step()
-        while self._answer.stamp_ns is None and not self._is_done():
+        while self.answer.stamp_ns is None and not self._is_done():
             self.step()
 
     def _is_done(self) -> bool:
@@ -285,8 +279,8 @@ class SimulatorNode(RobotNode):
         for observe in self.observers:
             observe(plant)
         if sample.joints is not None and self._options.lockstep:
-            self._answer.ask(plant.time_ns)
-            self._waiting.clear()
+            self.answer.ask(plant.time_ns)
+            self.waiting.clear()
             self._repeated_ns = 0
             self._is_late = False
         if self.firings:
@@ -301,14 +295,14 @@ class SimulatorNode(RobotNode):
     def _on_command(self, message: JointState) -> None:
         stamp, tau = messages.joint_efforts(message, self._names)
         if self._options.lockstep:
-            self._answer.give_tau(stamp, tau)
+            self.answer.give_tau(stamp, tau)
             self._advance()
         else:
             self._held.set_tau(tau, self.step_index)
 
     def _on_wrench(self, message: WrenchStamped) -> None:
         stamp, wrench = messages.base_wrench(message, self._robot.base_link)
-        if self._options.lockstep and self._answer.give_wrench(stamp, wrench):
+        if self._options.lockstep and self.answer.give_wrench(stamp, wrench):
             self._advance()
         else:
             self._held.set_wrench(wrench, self.step_index)
@@ -345,8 +339,8 @@ class SimulatorNode(RobotNode):
 
     def _command_status(self) -> Status:
         """Whether commands arrive."""
-        if self._options.lockstep and self._is_late and self._answer.stamp_ns is not None:
-            values: dict[str, object] = {'awaited stamp [s]': self._answer.stamp_ns * 1e-9}
+        if self._options.lockstep and self._is_late and self.answer.stamp_ns is not None:
+            values: dict[str, object] = {'awaited stamp [s]': self.answer.stamp_ns * 1e-9}
             return Status('commands', ERROR, 'no command for the last joint states', values)
         if self._options.lockstep:
             return Status('commands', OK, 'in step')

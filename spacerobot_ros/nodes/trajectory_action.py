@@ -130,17 +130,11 @@ class TrajectoryAction:
             content = {name: doubles(values) for name, values in columns.items()}
             return compose.make('trajectory_msgs/msg/JointTrajectoryPoint', **content)
 
-        wanted = command.setpoint
-        error = {'positions': command.error, 'velocities': command.error_rate}
-        actual = {
-            'positions': wanted.q - command.error,
-            'velocities': wanted.qd - command.error_rate,
-        }
-        desired = point(positions=wanted.q, velocities=wanted.qd, accelerations=wanted.qdd)
+        wanted, error, rate = command.setpoint, command.error, command.error_rate
         return self._kind.Feedback(
             header=compose.make('std_msgs/msg/Header', stamp=compose.time(command.stamp_ns)),
             joint_names=self._names,
-            desired=desired,
-            actual=point(**actual),
-            error=point(**error),
+            desired=point(positions=wanted.q, velocities=wanted.qd, accelerations=wanted.qdd),
+            actual=point(positions=wanted.q - error, velocities=wanted.qd - rate),
+            error=point(positions=error, velocities=rate),
         )

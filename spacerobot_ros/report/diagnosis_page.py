@@ -6,24 +6,48 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import groupby
+from pathlib import Path
 
 from .. import __version__
+from ..diagnosis.answer.extended_model import write_extended_model
+from ..diagnosis.answer.output import EXTENDED_MODEL
 from ..diagnosis.answer.result import Diagnosis
 from ..diagnosis.answer.words import cause_in_words
 from ..diagnosis.findings import Findings
 from ..display import GoodOrBad, Item, KeyFigure, KeyFigures, Plot, Replay, Report, Section, Table
 from ..formats import counted, number, probability
+from ..json_values import json_text
+from ..model.files import write_text
 from ..simulation.replay.scene import scene_of
 from ..simulation.replay.tracks import RESTART
 from . import diagnosis_plots as curves
 from . import diagnosis_tables as tables
 from .event_tables import event_table, limit_table, possible_lines
+from .html import write_report
 from .leftover_tables import leftover_items
 from .sentences import KINDS, SAID, WORDS
 
+JSON_NAME, REPORT_NAME = 'diagnosis.json', 'report.html'
 _SHORT = 20  # characters of a cell that stays on one line
 _SIGNALS, _SPECTRA = 3, 3
 _FEWEST = 128  # samples, of the same
+
+
+def write_answer(answer: Findings, robot_file: str, folder: Path) -> None:
+    """Write what was found, the extended model and the page.
+
+    Args:
+        answer: What was found.
+        robot_file: The file that the model extends.
+        folder: Where they belong; made where it is missing.
+
+    Raises:
+        ConfigurationError: they can't be written.
+    """
+    write_text(folder / JSON_NAME, json_text(answer.to_dict()))
+    extension = (*answer.extension, *answer.events)
+    write_extended_model(robot_file, extension, folder / EXTENDED_MODEL)
+    write_report(diagnosis_page(answer), folder / REPORT_NAME)
 
 
 def diagnosis_page(answer: Findings) -> Report:

@@ -50,26 +50,27 @@ def type_name(message_class: Any) -> str:
     return f'{message_class.__module__.split(".")[0]}/msg/{message_class.__name__}'
 
 
+_SCALARS = ('method', 'valid', 'reason', 'rank', 'unknowns', 'samples')
+_NUMBERS = ('condition', 'chi2_per_dof', 'prior_factor')
+_TEXTS = {'units': 'parameter_units'} | {
+    name: name for name in ('aam_links', 'parameter_names', 'unexcited', 'sources')
+}
+"""Fields of an estimate that are lists of texts, by their names in its message."""
+
+
 def estimate_message(value: Estimate, rejected: int) -> Any:
     """An Estimate message."""
-    names = ('method', 'valid', 'reason', 'rank', 'unknowns', 'samples')
     return compose.stamped(
         f'{PACKAGE}/msg/Estimate',
         value.stamp_ns,
         INERTIAL_FRAME,
-        **{name: getattr(value, name) for name in names},
+        **{name: getattr(value, name) for name in _SCALARS},
+        **{name: float(getattr(value, name)) for name in _NUMBERS},
         **{name: doubles(getattr(value, name)) for name in ('aam', 'parameters', 'covariance')},
-        condition=float(value.condition),
-        chi2_per_dof=float(value.chi2_per_dof),
-        aam_links=list(value.aam_links),
-        parameter_names=list(value.parameter_names),
-        parameter_units=list(value.units),
-        unexcited=list(value.unexcited),
+        **{field: list(getattr(value, name)) for name, field in _TEXTS.items()},
         total_momentum=np.array(value.total_momentum, dtype=np.float64),
         total_momentum_covariance=np.ravel(value.total_momentum_covariance),
         rejected=rejected,
-        sources=list(value.sources),
-        prior_factor=float(value.prior_factor),
     )
 
 
@@ -84,18 +85,13 @@ def estimate(message: Any) -> Estimate:
         raise MessageRejectedError(
             f'covariance has {len(message.covariance)} entries, expected {size * size}'
         )
-    names = ('method', 'valid', 'reason', 'rank', 'unknowns', 'condition', 'chi2_per_dof')
-    more = ('samples', 'prior_factor')
+    fields: dict[str, Any] = {name: getattr(message, name) for name in (*_SCALARS, *_NUMBERS)}
+    fields |= {name: tuple(getattr(message, field)) for name, field in _TEXTS.items()}
     out = Estimate(
-        **{name: getattr(message, name) for name in (*names, *more)},
-        units=tuple(message.parameter_units),
-        sources=tuple(message.sources),
-        aam_links=tuple(message.aam_links),
-        parameter_names=tuple(message.parameter_names),
+        **fields,
         aam=np.array(message.aam),
         parameters=np.array(message.parameters),
         covariance=np.array(message.covariance).reshape(size, size),
-        unexcited=tuple(message.unexcited),
         total_momentum=np.array(message.total_momentum),
         total_momentum_covariance=np.array(message.total_momentum_covariance).reshape(3, 3),
         stamp_ns=stamp_ns(message.header.stamp),
@@ -166,19 +162,16 @@ def trajectory(
     """
     order, count = joint_order(message.joint_names, names), len(names)
     times = [stamp_ns(p.time_from_start) * 1e-9 for p in message.points]
-    kinds: list[Array | None] = []
-    for kind in ('positions', 'velocities', 'accelerations'):
+    columns: dict[str, Array] = {}
+    for name, kind in (('q', 'positions'), ('qd', 'velocities'), ('qdd', 'accelerations')):
         rows = [getattr(p, kind) for p in message.points]
         if kind != 'positions' and not any(len(row) for row in rows):
-            kinds.append(None)
             continue
         if any(len(row) != count for row in rows):
             raise MessageRejectedError(f'{kind}: every point needs {count} numbers, or none')
-        kinds.append(np.array([np.asarray(row)[order] for row in rows]).reshape(len(rows), count))
-    if kinds[0] is None:
-        raise MessageRejectedError('has no positions')
+        columns[name] = np.array(rows, dtype=float).reshape(len(rows), count)[:, order]
     try:
-        reference = Waypoints(np.array(times), kinds[0], kinds[1], kinds[2], start)
+        reference = Waypoints(np.array(times), **columns, start=start)
     except ConfigurationError as error:
         raise MessageRejectedError(error.reason) from error
     except ValueError as error:  # of SciPy, where numbers are too large for it

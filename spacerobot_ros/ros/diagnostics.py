@@ -14,12 +14,8 @@ from ..formats import counted
 from ..recording.messages import kind_of
 from .qos import STATE
 
-OK, WARN, ERROR, STALE = (
-    DiagnosticStatus.OK,
-    DiagnosticStatus.WARN,
-    DiagnosticStatus.ERROR,
-    DiagnosticStatus.STALE,
-)
+OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
+ERROR, STALE = DiagnosticStatus.ERROR, DiagnosticStatus.STALE
 _LONGEST = 200  # characters of a reason, which may quote what came
 MOST_KINDS = 100  # of rejections that are counted apart: what comes from outside has no bound
 
@@ -48,13 +44,12 @@ class NodeHealth:
 
     Args:
         node: The node.
-        concerns: Called for each publication.
     """
 
-    def __init__(self, node: Node, *concerns: Callable[[], Status]) -> None:
+    def __init__(self, node: Node) -> None:
         self.rejected: Counter[tuple[str, str]] = Counter()
         self._node = node
-        self._concerns = list(concerns)
+        self._concerns: list[Callable[[], Status]] = []
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', STATE)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(1.0, self.publish, clock=steady)
@@ -92,20 +87,17 @@ class NodeHealth:
         return message
 
     def _rejections(self) -> Status:
-        values: dict[str, object] = {
-            f'{topic}: {reason} [messages]': n
-            for (topic, reason), n in sorted(self.rejected.items())
-        }
+        kinds = sorted(self.rejected.items())
+        values: dict[str, object] = {f'{topic}: {why} [messages]': n for (topic, why), n in kinds}
         total = self.count()
         text = f'{counted(total, "message")} rejected' if total else 'no message rejected'
         return Status('rejected', WARN if total else OK, text, values)
 
     def _to_message(self, status: Status) -> DiagnosticStatus:
         values = [KeyValue(key=key, value=_text(value)) for key, value in status.values.items()]
-        name = f'{self._node.get_name()}: {status.name}'
         return DiagnosticStatus(
             level=status.level,
-            name=name,
+            name=f'{self._node.get_name()}: {status.name}',
             message=status.message,
             hardware_id='spacerobot',
             values=values,

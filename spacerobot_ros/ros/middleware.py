@@ -41,9 +41,8 @@ def set_up_middleware() -> None:
     the range LOCALHOST rmw_fastrtps adds shared memory whatever its settings say: a profile
     describes that range without it.
     """
-    for name, ours in _OURS.items():
-        if os.environ.get(name) not in (None, '', *ours):
-            return
+    if any(os.environ.get(name, '') not in ('', *ours) for name, ours in _OURS.items()):
+        return
     if not get_rmw_implementation_identifier().startswith('rmw_fastrtps'):
         return
     os.environ[_TRANSPORTS] = 'UDPv4'

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 
 def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATILE) -> QoSProfile:
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=depth,
-        reliability=ReliabilityPolicy.RELIABLE,
-        durability=durability,
-    )
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=durability)
 
 
 STATE = _reliable(10)
@@ -26,6 +21,4 @@ LATCHED = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
 
 def best_effort(qos: QoSProfile) -> QoSProfile:
     """The same for publishers that offer best effort alone, as drivers of sensors do."""
-    return QoSProfile(
-        history=qos.history, depth=qos.depth, reliability=ReliabilityPolicy.BEST_EFFORT
-    )
+    return QoSProfile(depth=qos.depth, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -86,20 +86,13 @@ class SensorFaults:
         if self.are_none:
             return q, qd, effort
         names = ('joint_position', 'joint_velocity', 'joint_effort')
-        measured = [np.atleast_2d(values) for values in (q, qd, effort)]
-        true = measured
-        for _ in range(_PASSES):
-            position, rate, torque = true
-            motion = Motion(
-                self._robot, _times(position, time), position, rate, torque - effort_noise
-            )
-            missed = [
-                wrong - self.sensed(name, value, motion)
-                for name, wrong, value in zip(names, measured, true, strict=True)
-            ]
-            true = [value + change for value, change in zip(true, missed, strict=True)]
-            if all(_is_settled(change) for change in missed):
-                break
+
+        def read(true: list[Array]) -> list[Array]:
+            moving = (_times(true[0], time), *true[:2], true[2] - effort_noise)
+            motion = Motion(self._robot, *moving)
+            return [self.sensed(name, x, motion) for name, x in zip(names, true, strict=True)]
+
+        true = _undone([np.atleast_2d(values) for values in (q, qd, effort)], read)
         position, rate, torque = (value.reshape(np.shape(q)) for value in true)
         return position, rate, torque
 
@@ -107,13 +100,11 @@ class SensorFaults:
         """True base rate behind a measured one, (3,) or (N, 3) [rad/s]; `time` as above."""
         if self.are_none or not omega.size:
             return omega
-        measured = true = np.atleast_2d(omega)
-        for _ in range(_PASSES):
-            missed = measured - self.sensed('gyro', true, self._turning(true, time))
-            true = true + missed
-            if _is_settled(missed):
-                break
-        return true.reshape(np.shape(omega))
+
+        def read(true: list[Array]) -> list[Array]:
+            return [self.sensed('gyro', true[0], self._turning(true[0], time))]
+
+        return _undone([np.atleast_2d(omega)], read)[0].reshape(np.shape(omega))
 
     def undo_attitude(self, q_WB_xyzw: Array, time: Array | None = None) -> Array:
         """True attitude behind a measured one, (4,) or (N, 4); `time` as above."""
@@ -133,8 +124,15 @@ class SensorFaults:
         return Motion(self._robot, _times(omega, time), still, still, still, omega=omega)
 
 
-def _is_settled(missed: Array) -> bool:
-    return bool(np.max(np.abs(missed), initial=0.0) < _SETTLED)
+def _undone(measured: list[Array], read: Callable[[list[Array]], list[Array]]) -> list[Array]:
+    """The truth that is read as measured."""
+    true = measured
+    for _ in range(_PASSES):
+        missed = [wrong - seen for wrong, seen in zip(measured, read(true), strict=True)]
+        true = [value + change for value, change in zip(true, missed, strict=True)]
+        if all(np.max(np.abs(change), initial=0.0) < _SETTLED for change in missed):
+            break
+    return true
 
 
 def _times(values: Array, time: Array | None) -> Array:

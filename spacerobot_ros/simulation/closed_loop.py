@@ -200,7 +200,8 @@ def record_run(
                 book = bag.compose.ledger(step.stamp_ns, plant.ledger())
                 bag.add('/simulator/ledger', book)
             if step.command is not None:
-                error = np.maximum(error, _joint_error(step, step.command))
+                gap = step.command.setpoint.q - step.state.q[: len(error)]
+                error = np.maximum(error, np.abs(gap))
                 saturated += bool(step.command.saturated.any() or step.command.base_saturated)
                 if step.command.attitude_error is not None:
                     angle = float(np.linalg.norm(step.command.attitude_error))
@@ -218,10 +219,6 @@ def record_run(
         saturated=saturated,
         max_attitude_error=attitude_error,
     )
-
-
-def _joint_error(step: Step, command: Command) -> Array:
-    return np.asarray(np.abs(command.setpoint.q - step.state.q[: len(command.tau)]))
 
 
 def _largest(errors: Array) -> float | None:

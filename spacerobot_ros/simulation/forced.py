@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +32,7 @@ _ANGLE_PER_STEP = {13: 1.0, 5: 0.1}
 """Largest product of step and natural frequency by rows of the tableau: the error of DOP853 and of
 RK4 is then about 1e-7 a step."""
 _MOST_STEPS = 200
+_REPEATED = ('time', 'q', 'qd', 'effort')
 
 
 class ForcedMotion:
@@ -193,20 +196,10 @@ class ForcedMotion:
 def _affine_force(effect: Effect, motion: Motion, hidden: Array) -> tuple[Array, Array]:
     """Force of an effect at no acceleration (6 + n,), and its derivative by the accelerations."""
     size = 6 + motion.robot.n_joints
-    time, q, qd, effort = (
-        np.repeat(x, 1 + size, axis=0) for x in (motion.time, motion.q, motion.qd, motion.effort)
-    )
-    each = Motion(
-        motion.robot,
-        time,
-        q,
-        qd,
-        effort,
-        rotation=motion.rotation,
-        omega=motion.omega,
-        velocity=motion.velocity,
-        acceleration=np.vstack([np.zeros(size), np.eye(size)]),
-    )
+    at: dict[str, Any] = {
+        key: np.repeat(getattr(motion, key), 1 + size, axis=0) for key in _REPEATED
+    }
+    each = replace(motion, **at, acceleration=np.vstack([np.zeros(size), np.eye(size)]))
     forces = effect.force(each, np.repeat(hidden[None], 1 + size, axis=0))
     return forces[0], (forces[1:] - forces[0]).T
 

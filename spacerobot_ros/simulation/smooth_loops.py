@@ -82,27 +82,29 @@ def follow(
     trees = np.stack([tree_of(machine) for machine in machines])
     dt, loops = duration / steps, _Loops(trees, law, x.shape)
     start, x = x[:, 3:7].copy(), x.copy()
-    seen = _Seen(len(x), len(law.model.joints))
+    largest, squares, torque = np.zeros((3, len(x), len(law.model.joints)))
+    turned = np.zeros(len(x))
     before = loops.error(law.reference.at(0.0), x)
     with np.errstate(all='ignore'):  # what diverges does so alone
         for k in range(steps):
             t, loops.torques = k * dt, []
             x = rk_step(loops.rate, t, x, dt)
-            seen.torque = np.fmax(seen.torque, np.abs(loops.torques[0]))
+            torque = np.fmax(torque, np.abs(loops.torques[0]))
             x[:, 3:7] /= np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
             after = loops.error(law.reference.at(t + dt), x)
-            seen.add(before, after, dt)
-            seen.turned = np.fmax(seen.turned, rotated(start, x[:, 3:7]))
+            reached, added = _over_step(before, after, dt)
+            largest, squares = np.fmax(largest, reached), squares + added
+            turned = np.fmax(turned, rotated(start, x[:, 3:7]))
             before = after
     bad = ~np.isfinite(x).all(axis=1)
-    for values in (seen.largest, seen.squares, seen.turned, seen.torque):
+    for values in (largest, squares, turned, torque):
         values[bad] = np.nan
     return Followed(
-        largest=seen.largest,
-        rms=np.sqrt(seen.squares / duration),
+        largest=largest,
+        rms=np.sqrt(squares / duration),
         last=before[0],
-        turned=seen.turned,
-        torque=seen.torque,
+        turned=turned,
+        torque=torque,
         is_limited=loops.is_limited,
         states=x,
     )
@@ -140,22 +142,16 @@ class _Loops:
         return out
 
 
-class _Seen:
-    """Largest values so far, and integrals."""
-
-    def __init__(self, runs: int, n: int) -> None:
-        self.largest, self.squares, self.torque = np.zeros((3, runs, n))
-        self.turned = np.zeros(runs)
-
-    def add(self, before: tuple[Array, Array], after: tuple[Array, Array], dt: float) -> None:
-        """A step, by its ends' errors and their rates."""
-        (e0, d0), (e1, d1) = before, after
-        inside = [cubic_hermite(e0, e1, d0, d1, part * dt, dt)[0] for part in _WITHIN]
-        for e in (e0, *inside, e1):
-            self.largest = np.fmax(self.largest, np.abs(e))
-        # Boole's rule, exact for the squares of what is cubic but for its last term
-        a, b, c = (e**2 for e in inside)
-        self.squares += dt / 90.0 * (7.0 * (e0**2 + e1**2) + 32.0 * (a + c) + 12.0 * b)
+def _over_step(
+    before: tuple[Array, Array], after: tuple[Array, Array], dt: float
+) -> tuple[Array, Array]:
+    """(R, n) largest |e| and integral of e^2 over a step, from e and e' at both ends."""
+    (e0, d0), (e1, d1) = before, after
+    inside = [cubic_hermite(e0, e1, d0, d1, part * dt, dt)[0] for part in _WITHIN]
+    # Boole's rule, exact for the squares of what is cubic but for its last term
+    a, b, c = (e**2 for e in inside)
+    squares = dt / 90.0 * (7.0 * (e0**2 + e1**2) + 32.0 * (a + c) + 12.0 * b)
+    return np.fmax.reduce(np.abs([e0, *inside, e1])), squares
 
 
 def rotated(start: Array, now: Array) -> Array:

@@ -61,11 +61,11 @@ def one_diverged(short, tmp_path_factory):
 
 
 def test_a_diverged_run_is_said_and_misses_its_figures(one_diverged):
-    found = {check.what: check for check in adaptive_control.judge(one_diverged)}
+    found = {check.what: check for check in CAMPAIGNS['adaptive-control'].judge(one_diverged)}
     name = 'harmonic, adaptive_rls, none, iid priors 40 %, worst of 1'
     for what in ('attitude', 'joints'):
         assert not found[f'{name}: {what}'].is_met
-    tables = {table.title: table for table in adaptive_control.tables(one_diverged)}
+    tables = {table.title: table for table in CAMPAIGNS['adaptive-control'].tables(one_diverged)}
     harmonic = tables['Harmonic tracking, element-wise priors']
     row = next(row for row in harmonic.rows if row[:2] == ['adaptive_rls', 'none'])
     assert row[-3:-1] == ['diverges', 'diverges']

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support.models import DUAL_ARM, random_tree, robot_of
+from support.states import hold_step
 
 from spacerobot_ros.control.adaptive.controller import AdaptiveController
 from spacerobot_ros.control.adaptive.law_signals import AdaptiveSettings, Measured, Target
 from spacerobot_ros.control.adaptive.learning_kernel import sampled_step
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.integrate import hold_step
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.robot_file import load_robot_file
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from support.states import hold_step
 
 from spacerobot_ros.control.command import Feedback
 from spacerobot_ros.control.held_torques import HeldTorques, shortest
 from spacerobot_ros.control.motion_barrier import MotionBarrier
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.integrate import hold_step
 from spacerobot_ros.effects.robot_file import load_robot_file
 
 MS = 1_000_000

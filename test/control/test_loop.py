@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from support.states import hold_step
 
 from spacerobot_ros.control.command import RateHistory
 from spacerobot_ros.control.joint_reference import PointToPoint
 from spacerobot_ros.control.loop import ControlLoop
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.integrate import hold_step
 from spacerobot_ros.dynamics.state import State, initial_state
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError, MessageRejectedError
@@ -147,8 +147,10 @@ def estimate_of(robot, truth, **changes):
     parameters = minimal.of_robot(truth)
     size = 3 + len(parameters)
     estimate = Estimate(
-        'ml', True, '', ('link_3',), truth.target_momentum, minimal.names, parameters,
-        np.eye(size), size, size, 1.0, (), np.zeros(3), np.eye(3), 1.0, 1, 0,
+        method='ml', valid=True, reason='', aam_links=('link_3',), aam=truth.target_momentum,
+        parameter_names=minimal.names, parameters=parameters, covariance=np.eye(size), rank=size,
+        unknowns=size, condition=1.0, unexcited=(), total_momentum=np.zeros(3),
+        total_momentum_covariance=np.eye(3), chi2_per_dof=1.0, samples=1, stamp_ns=0,
     )  # fmt: skip
     return replace(estimate, **changes)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from support.free_flying import HEAVIER, file_with, free_flying_parameters
+from support.states import hold_step
 
 from spacerobot_ros.control.command import Feedback
 from spacerobot_ros.control.joint_reference import rest
@@ -15,7 +16,6 @@ from spacerobot_ros.control.loop import ControlLoop
 from spacerobot_ros.control.motion_barrier import MotionBarrier
 from spacerobot_ros.control.waypoints import Waypoints
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.integrate import hold_step
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.robot_file import RobotFile, load_robot_file
 from spacerobot_ros.simulation.closed_loop import ClosedLoop

@@ -11,10 +11,10 @@ import pytest
 
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.discovery.arm_channels import ArmMotions, JointChannel
+from spacerobot_ros.diagnosis.discovery.channel_laws import settled
 from spacerobot_ros.diagnosis.discovery.discovery_limits import UNSETTLED
 from spacerobot_ros.diagnosis.discovery.law_search import LawSearch, Winner, chance_of
 from spacerobot_ros.diagnosis.discovery.possible_laws import PLAIN, SINE, Extent, Law
-from spacerobot_ros.diagnosis.discovery.which_joint import settled
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.laws.grammar import FORMS
 from spacerobot_ros.estimation.balance.arm_rows import ArmRows

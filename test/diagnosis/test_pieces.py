@@ -21,7 +21,7 @@ from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.recording.record import JointSeries, RateSeries, Record
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'bench'))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'validation' / 'bench'))
 import scaling
 
 KEY = 'joint_viscous_friction'

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from spacerobot_ros.diagnosis.discovery.unmeasured import unmeasured_inputs, unshared_extras
+from spacerobot_ros.diagnosis.discovery.other_recording import unmeasured_inputs, unshared_extras
 from spacerobot_ros.effects.catalogue import bind_effects
 from validation.hidden.real_arm import arm_file
 

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from spacerobot_ros.diagnosis import diagnose
 from spacerobot_ros.diagnosis.answer.output import to_dict
 from spacerobot_ros.diagnosis.answer.result import Diagnosis
 from spacerobot_ros.diagnosis.orders.orders import find_orders
@@ -85,6 +87,27 @@ def test_an_effort_hums_with_a_wheel(rng):
     (found,) = find_orders([replace(record(rng), joints=joints)], {'j': 'N m'})
     assert (found.joint, found.channel, found.unit) == ('v', 'joint_torque/j', 'N m')
     assert found.order == pytest.approx(3.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ('fit_p', 'turning'), [(0.0, ['j', 'u']), (None, ['j', 'u']), (0.5, ['u'])]
+)
+def test_of_a_flight_that_fits_lines_of_wheels_alone_are_asked(fit_p, turning, rng, monkeypatch):
+    """Ripple of a joint that the model explains is no candidate; what is left is of no law."""
+    t = gyro_times()
+    q = 0.9 * np.sin(0.5 * t)
+    effort = 0.1 * rng.standard_normal(len(t)) + 0.05 * np.sin(200.0 * q)
+    joints = JointSeries(('j',), to_stamps(t), q[:, None], None, effort[:, None])
+    flown = replace(record(rng, STD * np.sin(angles(t)[:, 0])), joints=joints)
+    robot = SimpleNamespace(arm=('j',), unit_of=lambda unit, joint: unit)
+    found = SimpleNamespace(
+        fit=SimpleNamespace(run=SimpleNamespace(record=flown, robot=robot, timing='held_before'))
+    )
+    answer = Diagnosis(verdict='consistent', sentence='', fit_p=fit_p)
+    monkeypatch.setattr(diagnose, 'conclude', lambda found, notes: answer)
+    said = diagnose._concluded(found, (), lambda what, share: None)
+    assert [order.joint for order in said.orders] == turning
+    assert said.leftover is None
 
 
 def test_orders_of_wheels_are_said_in_the_report_and_the_json(rng):

@@ -20,17 +20,17 @@ from support.models import (
     wheel_joints,
     with_wheels,
 )
-from support.states import random_state
+from support.states import hold_step, random_state
 
 from spacerobot_ros.control.joint_reference import build_reference
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.integrate import DOP853, RK4, hold_step, rk_step
-from spacerobot_ros.dynamics.smooth_motion import simulate_smooth
+from spacerobot_ros.dynamics.integrate import DOP853, RK4, rk_step
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.errors import SimulationDivergedError
 from spacerobot_ros.model.motion_settings import ReferenceSettings
 from spacerobot_ros.model.settings import SimulatorSettings
 from spacerobot_ros.simulation.truth import true_robot
+from validation.smooth_motion import simulate_smooth
 
 PERIOD, DURATION = 0.01, 20.0
 SUBSTEPS = SimulatorSettings().substeps

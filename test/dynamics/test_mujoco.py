@@ -24,9 +24,9 @@ from support.models import (
 from support.states import random_state
 
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.smooth_motion import simulate_smooth
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.simulation.truth import true_robot
+from validation.smooth_motion import simulate_smooth
 
 mujoco = pytest.importorskip('mujoco')
 

@@ -39,7 +39,8 @@ def hidden(request):
 def test_innovations_at_the_truth_have_unit_variance_sensor_by_sensor(hidden):
     run, truth = hidden
     fit = Fit(run, [truth])
-    sensors = fit.rows.row_sensors
+    every = fit.rows.time_base.rows
+    sensors = every.channel * (int(np.max(every.axis)) + 1) + every.axis
     settled = fit.rows.row_times > 0.1
     for sensor in np.unique(sensors):
         rows = fit.data[settled & (sensors == sensor)]

@@ -13,11 +13,11 @@ from support.models import ATTITUDE_XYZW, H_BASE, H_TARGET, OMEGA, Motion, momen
 from support.models import table_one as table_one_parts
 
 from spacerobot_ros.dynamics.equations import Dynamics, without_translation
-from spacerobot_ros.dynamics.smooth_motion import simulate_smooth
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.estimation.trajectory.base_response import BaseResponse, BaseStart
 from spacerobot_ros.excitation.motions import MotionFamily
 from spacerobot_ros.model.motion_settings import ReferenceSettings
+from validation.smooth_motion import simulate_smooth
 
 START = BaseStart(ATTITUDE_XYZW, OMEGA)
 TREES = {

@@ -304,8 +304,11 @@ def estimate(bench, **changes):
     size = 3 + len(parameters)
     message = convert.estimate_message(
         Estimate(
-            'ml', True, '', ('link_3',), np.array([42.0, 49.0, 41.0]), minimal.names, parameters,
-            np.eye(size), size, size, 1.0, (), np.zeros(3), np.eye(3), 1.0, 1, 0,
+            method='ml', valid=True, reason='', aam_links=('link_3',),
+            aam=np.array([42.0, 49.0, 41.0]), parameter_names=minimal.names,
+            parameters=parameters, covariance=np.eye(size), rank=size, unknowns=size,
+            condition=1.0, unexcited=(), total_momentum=np.zeros(3),
+            total_momentum_covariance=np.eye(3), chi2_per_dof=1.0, samples=1, stamp_ns=0,
             units=minimal.units,
         ),
         0,

@@ -144,9 +144,12 @@ def test_wrench_is_force_then_torque_in_the_base_frame():
 
 def estimate(rng):
     return Estimate(
-        'ml', True, '', ('link_3',), rng.normal(size=3), ('x', 'y'), rng.normal(size=2),
-        np.diag(rng.uniform(size=5)), 5, 9, 3.0, ('none',), rng.normal(size=3), np.eye(3), 1.1, 7,
-        12_000_000_003, units=('kg m', 'kg'), prior_factor=0.7,
+        method='ml', valid=True, reason='', aam_links=('link_3',), aam=rng.normal(size=3),
+        parameter_names=('x', 'y'), parameters=rng.normal(size=2),
+        covariance=np.diag(rng.uniform(size=5)), rank=5, unknowns=9, condition=3.0,
+        unexcited=('none',), total_momentum=rng.normal(size=3),
+        total_momentum_covariance=np.eye(3), chi2_per_dof=1.1, samples=7,
+        stamp_ns=12_000_000_003, units=('kg m', 'kg'), prior_factor=0.7,
         sources=('data', 'both', 'file', 'data', 'data'),
     )  # fmt: skip
 

@@ -47,7 +47,7 @@ class Bench:
     def run(self, steps):
         for _ in range(steps):
             k = self.sim.step_index
-            self.rig.until(lambda: self.sim.awaited_ns == k * PERIOD)  # noqa: B023
+            self.rig.until(lambda: self.sim.answer.stamp_ns == k * PERIOD)  # noqa: B023
             self.command(k * PERIOD)
             self.rig.until(lambda: self.sim.step_index == k + 1)  # noqa: B023
 
@@ -97,12 +97,12 @@ def test_messages_follow_the_conventions(bench):
 def test_waits_for_a_controller_then_for_its_command_and_says_so(rig, servicer):
     sim = rig.add(SimulatorNode, servicer, **{'simulator.lockstep_timeout': 0.05})
     rig.drain()
-    assert sim.awaited_ns is None  # nobody listens: not started
+    assert sim.answer.stamp_ns is None  # nobody listens: not started
     assert 'waiting for a controller' in sim.health.statuses()[0].message
     probe = rig.plain()
     rig.listen(probe, JointState, '/joint_states', STATE)
     probe.create_publisher(JointState, '/joint_commands', STATE)
-    rig.until(lambda: sim.awaited_ns == 0)
+    rig.until(lambda: sim.answer.stamp_ns == 0)
     rig.until(lambda: 'no command' in sim.health.statuses()[1].message)
     assert sim.step_index == 0
 
@@ -123,11 +123,13 @@ def test_no_sample_is_sent_twice_however_late_its_answer_and_who_listens(bench):
 
 def wait(bench, seconds):
     """Let the simulator's own timer count so long without an answer."""
-    bench.rig.until(lambda: bench.sim.awaited_ns == 0 and bench.sim.waited_ns > seconds * 1e9)
+    bench.rig.until(
+        lambda: bench.sim.answer.stamp_ns == 0 and bench.sim.waiting.ns > seconds * 1e9
+    )
 
 
 def test_unanswered_samples_are_sent_again_to_a_controller_that_came_late(bench):
-    bench.rig.until(lambda: bench.sim.awaited_ns == 0)
+    bench.rig.until(lambda: bench.sim.answer.stamp_ns == 0)
     node = bench.rig.plain('late')
     late = bench.rig.listen(node, JointState, '/joint_states', STATE)
     clock = bench.rig.listen(node, Clock, '/clock', STATE)
@@ -148,10 +150,10 @@ def test_lockstep_begins_once_who_commands_gets_the_samples(
     if is_one_node:
         for _ in range(5):
             rig.drain()
-        assert sim.awaited_ns is None  # its subscription is still to come
+        assert sim.answer.stamp_ns is None  # its subscription is still to come
         heard = rig.listen(hands, JointState, '/joint_states', STATE)
     rig.until(lambda: heard)
-    assert sim.awaited_ns == 0
+    assert sim.answer.stamp_ns == 0
 
 
 def test_time_that_callbacks_take_is_no_time_without_an_answer():
@@ -181,7 +183,7 @@ def test_time_that_callbacks_take_is_no_time_without_an_answer():
     ],
 )
 def test_bad_commands_are_counted_and_the_loop_goes_on(bench, stamp, effort, names, reason):
-    bench.rig.until(lambda: bench.sim.awaited_ns == 0)
+    bench.rig.until(lambda: bench.sim.answer.stamp_ns == 0)
     bench.command(stamp, np.array(effort, dtype=float), names)
     bench.rig.until(lambda: bench.sim.health.count('/joint_commands'))
     assert bench.sim.health.rejected['/joint_commands', reason] == 1
@@ -199,7 +201,7 @@ def test_bad_base_torques_are_counted(bench):
 
 def test_base_torque_turns_the_momentum(bench):
     publisher = bench.probe.create_publisher(WrenchStamped, '/base_torque', STATE)
-    bench.rig.until(lambda: bench.sim.awaited_ns == 0)
+    bench.rig.until(lambda: bench.sim.answer.stamp_ns == 0)
     message = WrenchStamped()
     message.header.frame_id = 'base_link'
     message.wrench.torque.x = 10.0
@@ -215,7 +217,7 @@ def test_reset_repeats_the_run_with_time_at_zero(bench):
     bench.run(5)
     bench.rig.until(lambda: len(bench.heard['/joint_states']) == 6)
     assert bench.call(Trigger, '/simulator/reset', Trigger.Request()).success
-    bench.rig.until(lambda: bench.sim.awaited_ns == 0)
+    bench.rig.until(lambda: bench.sim.answer.stamp_ns == 0)
     bench.run(5)
     bench.rig.until(lambda: len(bench.heard['/joint_states']) == 12)
     first, second = bench.heard['/joint_states'][:6], bench.heard['/joint_states'][6:]
@@ -235,9 +237,9 @@ def test_pause_holds_the_step_until_resumed(bench):
 
 def test_sensor_rates_and_steps_without_samples(rig, servicer):
     bench = Bench(rig, servicer, **{'simulator.joint_rate': 25.0, 'simulator.imu_rate': 50.0})
-    rig.until(lambda: bench.sim.awaited_ns == 0)
+    rig.until(lambda: bench.sim.answer.stamp_ns == 0)
     bench.command(0)
-    rig.until(lambda: bench.sim.awaited_ns == 4 * PERIOD)
+    rig.until(lambda: bench.sim.answer.stamp_ns == 4 * PERIOD)
     assert bench.sim.step_index == 4
     rig.until(lambda: len(bench.heard['/imu/data']) == 3)
     assert bench.stamps('/imu/data') == [0, 2 * PERIOD, 4 * PERIOD]
@@ -295,7 +297,7 @@ def test_true_rotors_turn_and_only_the_servicer_s_are_published(rig, servicer):
     assert list(heard[0].name) == wheel_joints(0)
     assert_allclose(heard[0].velocity, [100.0, 110.0, 120.0], atol=1e-2)  # noise of 2e-4
     assert bench.sim.plant.robot.rotor_count == 6
-    rig.until(lambda: bench.sim.awaited_ns == 0)
+    rig.until(lambda: bench.sim.answer.stamp_ns == 0)
     bench.command(0, names=names)
     rig.until(lambda: bench.sim.step_index == 1)
 

@@ -9,10 +9,10 @@ import pytest
 import yaml
 from geometry_msgs.msg import Vector3Stamped
 from rosidl_parser.definition import AbstractNestedType, NamespacedType
+from security_policy import policy
 from sensor_msgs.msg import Imu
 from spacerobot_msgs.msg import Tracking
 
-from spacerobot_ros.nodes.security_policy import policy
 from spacerobot_ros.ros.convert import message_type
 
 pytestmark = pytest.mark.ros

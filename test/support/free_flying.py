@@ -10,12 +10,12 @@ import numpy as np
 from spacerobot_ros.control.adaptive.controller import AdaptiveController
 from spacerobot_ros.control.adaptive.law_signals import AdaptiveSettings, Measured, Target
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.integrate import hold_step
 from spacerobot_ros.dynamics.state import State, initial_state
 from spacerobot_ros.effects.robot_file import RobotFile, load_robot_file
 from spacerobot_ros.estimation.unknowns.minimal import minimal_set
 from spacerobot_ros.identification.estimate import Estimate
 from spacerobot_ros.simulation.truth import true_robot
+from support.states import hold_step
 
 from .attitudes import angle_between
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from spacerobot_ros.dynamics.equations import Dynamics
+from spacerobot_ros.dynamics.integrate import Holding
 from spacerobot_ros.dynamics.state import State
 from support.models import Motion, quaternion_matrix
 
@@ -32,3 +34,16 @@ def motion_of(state: State, joints: tuple[str, ...]) -> Motion:
         dict(zip(joints, state.q, strict=True)),
         dict(zip(joints, state.qd, strict=True)),
     )
+
+
+def hold_step(
+    dynamics: Dynamics,
+    x: np.ndarray,
+    tau: np.ndarray,
+    period: float,
+    substeps: int = 1,
+    base_wrench: np.ndarray | None = None,
+    t: float = 0.0,
+) -> np.ndarray:
+    """The state one control period later, the torques held, by DOP853."""
+    return Holding(dynamics, period, substeps).step(x, tau, base_wrench, t)

@@ -19,7 +19,7 @@ from spacerobot_ros.estimation.filters.momentum_process import MomentumModel
 from spacerobot_ros.estimation.trajectory.reference import Kinematics, NoiseLevels
 from spacerobot_ros.estimation.unknowns.body_coordinates import BodyCoordinates
 from spacerobot_ros.estimation.unknowns.minimal import minimal_regressor, minimal_set
-from spacerobot_ros.identification.cramer_rao import bound_std, information_root
+from spacerobot_ros.identification.cramer_rao import information_root
 from spacerobot_ros.recording.record import (
     AttitudeSeries,
     JointSeries,
@@ -27,7 +27,7 @@ from spacerobot_ros.recording.record import (
     Record,
     to_stamps,
 )
-from validation.papers.estimators import bound_of
+from validation.papers.estimators import bound_of, bound_std
 from validation.papers.paper import levels_of, momentum_motion, noisy_record, scenario
 
 STEP, DURATION, KNOT = 0.02, 10.0, 0.5

@@ -172,7 +172,8 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as name:
             print(json.dumps(measure(**json.loads(args.one), folder=Path(name))))
         return
-    from spacerobot_ros.display import Section, markdown
+    from spacerobot_ros.display import Section
+    from validation.tables import markdown
 
     kept = Path(args.kept) if args.kept else None
     if kept is not None and kept.exists():

@@ -1,8 +1,7 @@
 """Campaign of laws that no catalogue knows: hidden in arms, asked for, held against the truth.
 
 Every law of `hidden_laws`, inside and outside the grammar, at three times and once the noise, in
-noise of all colours; those of `law_flights` in closed loop, on free and fixed bases; and machines
-without any.
+noise of all colours; and machines without any.
 """
 
 from __future__ import annotations
@@ -10,12 +9,14 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.effect import Effect
+from spacerobot_ros.effects.laws.learned_torque import LearnedTorque
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.estimation.balance.balance import Balance, balance_of
 from spacerobot_ros.estimation.trajectory.observations import observed
@@ -25,18 +26,17 @@ from spacerobot_ros.types import Array
 from ..campaigns import Results, TrialRecord, grouped, key
 from ..shares import share_of
 from .hidden_laws import COLOURS, INSIDE, LAWS, LawArm, variables_of
-from .law_flights import FIELD, FIXED, FLOWN, FREE, LawFlight, beyond
 from .real_arm import JOINTS, arm_file
 
 _RATIOS = (3.0, 1.0)  # rms of a law by that of what is left
 _DURATION = 40.0  # s
 _MOVING = 3  # joints at once
 _CLEAN = 4  # machines without a law, for every one with
-_QUIET = 4  # in closed loop one without for so many with
+_FASTER = 3.0  # times the speed of the data, at which a law must still be bounded
 
 
 def trials(runs: int, is_quick: bool) -> list[str]:
-    """Every law in turn, with machines without one in all colours; then closed loops."""
+    """Every law in turn, with machines without one in all colours."""
     out = []
     for seed in range(runs):
         for n, law in enumerate(LAWS):
@@ -46,23 +46,13 @@ def trials(runs: int, is_quick: bool) -> list[str]:
         if not is_quick:
             clean = range(_CLEAN * len(LAWS) * seed, _CLEAN * len(LAWS) * (seed + 1))
             out += [key('clean', 10_000 + s, '', 0.0, COLOURS[s % len(COLOURS)]) for s in clean]
-        for n, law in enumerate(
-            FLOWN[seed % 2 :: 2]
-        ):  # half of them a run: they take a minute each
-            own = len(FLOWN) * seed + n
-            base = FREE if law == FIELD or (n + seed // 2) % 2 else FIXED
-            out.append(key('law', own, law, _RATIOS[0], base))
-            if n % _QUIET < 2:
-                out.append(key('clean', 10_000 + own, '', 0.0, base))
     return out
 
 
 def run(key: str) -> TrialRecord:
     """Hide a law, ask, and compare what was learned along another motion."""
     kind, seed, law, ratio, colour = json.loads(key)
-    is_flown = colour in (FREE, FIXED)
-    kind_of = LawFlight if is_flown else HeldArm
-    machine: LawFlight | HeldArm = kind_of(seed, law, ratio, colour)
+    machine = HeldArm(seed, law, ratio, colour)
     record = machine.record()
     started = time.perf_counter()
     answer = diagnose(record, machine.file.robot, machine.file.effects)
@@ -91,7 +81,6 @@ def run(key: str) -> TrialRecord:
         'claims': claims,
         'named': [[*c.applied.key] for c in answer.causes],
         'r2': machine.transferred(added) if law else None,
-        'removed': machine.removed(added) if law and isinstance(machine, LawFlight) else None,
         'beyond': beyond(learned, machine.motion) if law else None,
         'wall_s': wall,
     }
@@ -145,8 +134,22 @@ class HeldArm:
         return 1.0 - float(np.var(true[at] - own[at]) / np.var(true[at]))
 
 
-LOOPS = ('free base', 'fixed base')
-"""In place of the noise's colour: robots in closed loop, their sensors' noise white."""
+def beyond(laws: Sequence[Effect], motion: Motion) -> tuple[float, float] | None:
+    """Largest torque of any law at three times the speed, by that on the motion, and power fed in.
+
+    The latter is the share of what friction exchanges; None where there is no law.
+    """
+    fast = replace(motion, qd=_FASTER * motion.qd, omega=_FASTER * motion.omega)
+    sizes, fed = [0.0], [0.0]
+    for law in laws:
+        here, there = (law.force(m, law.driven(m)) for m in (motion, fast))
+        sizes.append(float(np.max(np.abs(there)) / np.max(np.abs(here))))
+        if isinstance(law, LearnedTorque) and (law.kind == 'dissipative' or law.react):
+            power = np.sum(there * fast.rates, axis=1)
+            given = np.sum(power) if law.hidden else np.sum(np.maximum(power, 0.0))
+            fed.append(max(0.0, float(given)) / max(float(np.sum(np.abs(power))), 1e-300))
+    return (max(sizes), max(fed)) if laws else None
+
 
 _OF_CAUSES = {
     'joint_coulomb_friction': ('rate',),
@@ -178,13 +181,10 @@ def results(records: Sequence[TrialRecord]) -> Results:
         'discovery': {
             'groups': [{'group': g, **_score(own)} for g, own in grouped(hidden, _group).items()],
             'laws': [
-                {'law': ', '.join(own), 'ratio': ratio, **_score(some)}
-                for (ratio, *own), some in grouped(hidden, _law).items()
+                {'law': law, 'ratio': ratio, **_score(some)}
+                for (ratio, law), some in grouped(hidden, _law).items()
             ],
-            'applied': [
-                {'machines': machines, **_applied(own)}
-                for machines, own in grouped(hidden, _machine).items()
-            ],
+            'applied': [_applied(hidden)] if hidden else [],
             'false': share_of(any(s['form'] is not None for s in r['claims']) for r in clean),
             'timed': share_of(
                 any(s['depends_on'] == ['time'] for s in r['claims']) for r in clean
@@ -201,28 +201,21 @@ def results(records: Sequence[TrialRecord]) -> Results:
     }
 
 
-def _machine(record: TrialRecord) -> str:
-    return f'{record["colour"]}, closed loop' if record['colour'] in LOOPS else 'arms'
-
-
 def _group(record: TrialRecord) -> str:
-    where = 'inside' if record['law'] in (*INSIDE, 'field') else 'outside'
-    return f'{_machine(record)}, {where}, ratio {record["ratio"]:g}'
+    where = 'inside' if record['law'] in INSIDE else 'outside'
+    return f'arms, {where}, ratio {record["ratio"]:g}'
 
 
-def _law(record: TrialRecord) -> tuple[float, str, str]:
-    return record['ratio'], record['law'], _machine(record)
+def _law(record: TrialRecord) -> tuple[float, str]:
+    return record['ratio'], record['law']
 
 
 def _applied(records: Sequence[TrialRecord]) -> dict[str, Any]:
-    """What learned laws do for a controller, and beyond their data."""
-    removed = [r['removed'] for r in records if r['removed'] is not None and _is_right(r)]
+    """What learned laws do beyond their data."""
     beyond = [r['beyond'] for r in records if r['beyond']]
     size, fed = np.max(beyond or [[np.nan, np.nan]], axis=0)
     return {
-        'fed_forward': len(removed),
-        'removed': float(np.median(removed or [np.nan])),
-        'least': float(np.quantile(removed or [np.nan], 0.1)),
+        'machines': 'arms',
         'learned': len(beyond),
         'beyond': float(size),
         'fed_in': float(fed),

@@ -16,7 +16,7 @@ from spacerobot_ros.control.adaptive.controller import AdaptiveController
 from spacerobot_ros.control.adaptive.law_signals import AdaptiveSettings, Measured, Target
 from spacerobot_ros.control.adaptive.regressors import Regressors, parameter_values
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.integrate import hold_step
+from spacerobot_ros.dynamics.integrate import Holding
 from spacerobot_ros.dynamics.pseudo_inertia import parameters_of, pseudo_inertia
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.errors import SimulationDivergedError
@@ -250,7 +250,9 @@ def _samples(case: LoopCase, controller: AdaptiveController) -> Iterator[tuple[A
             controller.parameters.values[:10].copy(),
             not controller.health.physical,
         )
-        x = hold_step(dynamics, x, u.joints, period, substeps, np.concatenate([zeros, u.base]))
+        x = Holding(dynamics, period, substeps).step(
+            x, u.joints, np.concatenate([zeros, u.base]), 0.0
+        )
 
 
 def _measured(case: LoopCase, state: State, rng: np.random.Generator) -> Measured:

@@ -24,7 +24,7 @@ from spacerobot_ros.estimation.filters.momentum_process import MomentumModel
 from spacerobot_ros.estimation.trajectory.reference import Kinematics
 from spacerobot_ros.estimation.unknowns.minimal import MinimalSet, minimal_set
 from spacerobot_ros.identification.batch import identify
-from spacerobot_ros.identification.cramer_rao import bound_std, information_root
+from spacerobot_ros.identification.cramer_rao import information_root
 from spacerobot_ros.identification.estimate import Estimate
 from spacerobot_ros.identification.least_squares import momentum_columns, sampled_motion
 from spacerobot_ros.model.robot import Robot
@@ -43,6 +43,9 @@ from .paper import (
     scenario,
 )
 from .tracking import track_identified
+
+_KNOWN = 1e-7  # of the largest singular value; the columns have unit norm
+_OPEN = 1e-5  # share of a number's derivatives along what is not told; differences leave 1e-9
 
 _KINDS = ('momentum_integrated', 'forward_integrated')
 
@@ -281,3 +284,27 @@ def _compared(figures: tuple[float, float]) -> dict[str, float]:
 def rms(values: Array) -> float:
     """Root mean square."""
     return float(np.sqrt(np.mean(values**2)))
+
+
+def bound_std(root: Array, model: MomentumModel) -> Array:
+    """(3 n_links + k,) smallest standard deviations of an unbiased estimate of [AAM; x].
+
+    Args:
+        root: (p, p) square root of an information. What it tells nothing of is infinite.
+        model: Its robot is the truth; x are its minimal parameters.
+    """
+    minimal = minimal_set(model.robot, model.structure)
+    bodies, n = model.bodies, model.n_aam
+    asked = np.zeros((n + len(minimal), model.size - 3))
+    asked[:n, :n] = np.eye(n)
+    y = slice(n, n + bodies.size)
+    asked[n:, y] = bodies.derivatives(minimal.of_bodies, np.zeros(bodies.size))
+    wanted = root[3:, 3:]
+    scale = np.linalg.norm(wanted, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    _, singular, right = np.linalg.svd(wanted / scale)
+    known = singular > _KNOWN * singular[0]
+    along = asked / scale @ right.T
+    std = np.linalg.norm(along[:, known] / singular[known], axis=1)
+    is_open = np.linalg.norm(along[:, ~known], axis=1) > _OPEN * np.linalg.norm(along, axis=1)
+    return np.where(is_open, np.inf, std)

@@ -26,7 +26,6 @@ from spacerobot_ros.control.computed_torque import ComputedTorque, Model, robot_
 from spacerobot_ros.control.joint_reference import Reference as JointReference
 from spacerobot_ros.control.joint_reference import build_reference
 from spacerobot_ros.dynamics.equations import Dynamics
-from spacerobot_ros.dynamics.smooth_motion import TorqueOf, simulate_smooth
 from spacerobot_ros.dynamics.state import State, initial_state
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.estimation.trajectory.base_response import BaseResponse, BaseStart
@@ -38,6 +37,7 @@ from spacerobot_ros.model.robot_settings import SensorSettings
 from spacerobot_ros.model.settings import IdentifierSettings
 from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries, Record
 from spacerobot_ros.types import Array
+from validation.smooth_motion import TorqueOf, simulate_smooth
 
 from ..hidden.diagnosis_scenario import packaged
 

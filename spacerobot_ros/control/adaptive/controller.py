@@ -22,17 +22,7 @@ from ...model.robot import Robot
 from ...recording.faults.gaps import ONE_LOST
 from ...types import Array, Vector3
 from .law_kernel import command, into_base, reference_motion
-from .law_signals import (
-    AdaptiveSettings,
-    Health,
-    Measured,
-    ParametersInForce,
-    Target,
-    Torques,
-    largest_rate,
-    sampling_ratio,
-    sampling_warning,
-)
+from .law_signals import AdaptiveSettings, Health, Measured, ParametersInForce, Target, Torques
 from .learner import Learner
 from .learning_kernel import has_moved, is_within
 from .prior import Learned, rate_noise, row_variances, standard_parameters
@@ -65,10 +55,10 @@ class AdaptiveController:
     """
 
     def __init__(self, robot: Robot, settings: AdaptiveSettings, period: float) -> None:
-        self.robot, self.settings, self.period = robot, settings, period
+        self.robot, self.period = robot, period
         self.n = robot.n_joints
-        self._sampling = sampling_ratio(settings, period)
-        self._warning = sampling_warning(settings, period)
+        self._bandwidths = np.zeros(1 + self.n)
+        self.retune(settings)
         self._regressors = Regressors(robot)
         self._learner = Learner(robot, settings)
         if not np.sum(self._learner.pi[: 10 * len(robot.bodies) : 10]) > 0.0:
@@ -93,8 +83,6 @@ class AdaptiveController:
         self._state, self._target = np.zeros(10 + 2 * n), np.zeros(10 + 3 * n)
         self._q = self._state[10 : 10 + n]
         self._error = np.zeros(3 + n)
-        self._bandwidths = np.full(1 + n, self.settings.joint_bandwidth)
-        self._bandwidths[0] = self.settings.attitude_bandwidth
         self._rates = np.ascontiguousarray(self.robot.velocity_limits, dtype=float)
         self._gravity_speed = np.zeros(3)
         self._has_gravity = bool(self.robot.gravity.any())
@@ -144,10 +132,9 @@ class AdaptiveController:
         Raises:
             ConfigurationError: bandwidths beyond what the period can sample.
         """
-        self._warning = sampling_warning(settings, self.period)
-        self._sampling, self.settings = sampling_ratio(settings, self.period), settings
-        self._bandwidths[:] = settings.joint_bandwidth
+        self._sampling, self.settings = settings.sampling(self.period), settings
         self._bandwidths[0] = settings.attitude_bandwidth
+        self._bandwidths[1:] = settings.joint_bandwidth
 
     def step(self, measured: Measured, target: Target, elapsed: float | None = None) -> Torques:
         """Adapt to what was measured and command the next period's torques.
@@ -197,7 +184,7 @@ class AdaptiveController:
         self._weighed_at[:] = self._q
         M = without_translation(self._dynamics.mass_matrix(self._q))
         fastest = float(scipy.linalg.eigh(self._whole_K, M, eigvals_only=True)[-1])
-        share = min(1.0, largest_rate(self.settings, self.period) / fastest)
+        share = min(1.0, self.settings.largest_rate(self.period) / fastest)
         self._K[3:, 3:] = share * self._whole_K
         self._learner.weaken(share)
 
@@ -296,12 +283,13 @@ class AdaptiveController:
     @property
     def health(self) -> Health:
         """State of the adaptation after the last step."""
+        ratio, warning = self._sampling
         return Health(
             adapting=self._adapting,
             reason=self._reason,
             excitation=self._learner.excitation,
-            sampling=self._sampling,
-            sampling_warning=self._warning,
+            sampling=ratio,
+            sampling_warning=warning,
             physical=self._learner.is_physical,
             base_velocity_measured=self._measures_velocity,
         )

@@ -139,36 +139,28 @@ class AdaptiveSettings(AdaptationSettings):
             **asdict(settings.adaptive),
         )
 
+    def largest_rate(self, period: float) -> float:
+        """Rate of the errors' rates up to which the period samples them [1/s], at least kappa."""
+        fastest = max(self.attitude_bandwidth, self.joint_bandwidth)
+        return max(self.kappa, LIMIT / period - fastest)
 
-def largest_rate(settings: AdaptiveSettings, period: float) -> float:
-    """Rate of the errors' rates up to which the period samples them [1/s], at least kappa."""
-    fastest = max(settings.attitude_bandwidth, settings.joint_bandwidth)
-    return max(settings.kappa, LIMIT / period - fastest)
+    def sampling(self, period: float) -> tuple[float, str]:
+        """(kappa + Lambda) x period, with the larger Lambda, and what is wrong with it, if it is.
 
+        Torques are held over a period. A double integrator under held torques is unstable from
+        (kappa + Lambda) T = 2 on; with the robot's couplings, and the gain of the start
+        throughout, it oscillates from 1.2 to 1.5 on.
 
-def sampling_ratio(settings: AdaptiveSettings, period: float) -> float:
-    """(kappa + Lambda) x period, with the larger Lambda."""
-    fastest = max(settings.attitude_bandwidth, settings.joint_bandwidth)
-    return (settings.kappa + fastest) * period
-
-
-def sampling_warning(settings: AdaptiveSettings, period: float) -> str:
-    """What is wrong with the bandwidths for this period; empty where nothing is.
-
-    Torques are held over a period. A double integrator under held torques is unstable from
-    (kappa + Lambda) T = 2 on; with the robot's couplings, and the gain of the start throughout, it
-    oscillates from 1.2 to 1.5 on.
-
-    Raises:
-        ConfigurationError: beyond that limit, unless `sampling_check` is `warn`.
-    """
-    ratio = sampling_ratio(settings, period)
-    if ratio <= SLOW_ENOUGH:
-        return ''
-    text = (
-        f'(kappa + Lambda) x period = {ratio:.3g} is above {SLOW_ENOUGH:g}: choose lower '
-        f'bandwidths or a shorter period than {period:g} s'
-    )
-    if ratio > LIMIT and settings.sampling_check == 'refuse':
-        raise ConfigurationError('adaptive.kappa', text)
-    return text
+        Raises:
+            ConfigurationError: beyond that limit, unless `sampling_check` is `warn`.
+        """
+        ratio = (self.kappa + max(self.attitude_bandwidth, self.joint_bandwidth)) * period
+        if ratio <= SLOW_ENOUGH:
+            return ratio, ''
+        text = (
+            f'(kappa + Lambda) x period = {ratio:.3g} is above {SLOW_ENOUGH:g}: choose lower '
+            f'bandwidths or a shorter period than {period:g} s'
+        )
+        if ratio > LIMIT and self.sampling_check == 'refuse':
+            raise ConfigurationError('adaptive.kappa', text)
+        return ratio, text

@@ -76,10 +76,11 @@ def first_few(names: Sequence[str]) -> str:
     return '; '.join(names[:_SHOWN]) + more
 
 
-def laws_in_words(laws: Sequence[Leftover], what: str = 'What is left of') -> str:
+def laws_in_words(laws: Sequence[Leftover]) -> str:
     """What the leftover goes with; laws that read alike are said once."""
     shown = (
-        f' {what} {law.channel} goes with {" and ".join(law.depends_on)} like {law.resembles}.'
+        f' What is left of {law.channel} goes with {" and ".join(law.depends_on)} '
+        f'like {law.resembles}.'
         for law in laws
     )
     return ''.join(dict.fromkeys(shown))

@@ -18,10 +18,8 @@ from ...estimation.inference.spectral_terms import SpectralTerms, cosines
 from ...estimation.rows import BLOCKS
 from ...types import Array, IntArray
 from .discovery_limits import ONE_SPEED
-from .possible_laws import Extent, Law, joint_laws
-from .time_sines import SWEEPS, time_sines
+from .possible_laws import Extent, Law, joint_laws, time_sines
 
-_HIGHEST = 2.0  # Hz, of sines of the time: half the band
 _SHAPES = ('joint_stribeck_friction', 'joint_friction_curvature')
 PARTLY_SEEN = 'joint_torque_ripple'
 """Of a few periods a turn, of which a motion may show a part."""
@@ -33,16 +31,6 @@ _LOUD = (0.0, 0.5, 0.9)
 """Of noise that grows with the rate. Likelihood tells them apart: of noise that does it is 50 to
 180 nats more at 0.9 than at 0, of noise that does not 50 to 170 less (30 machines of all noises,
 with laws and without)."""
-
-
-def is_one_speed(rates: Sequence[Array]) -> bool:
-    """Whether a joint moves at one speed, so that forms of friction are one there.
-
-    Args:
-        rates: Of recordings, where it moves.
-    """
-    low, middle, high = np.quantile(np.abs(np.concatenate(rates)), [0.05, 0.5, 0.95])
-    return bool(high - low < ONE_SPEED * middle)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +78,10 @@ class ArmMotions:
         return out
 
     def has_one_speed(self, j: int) -> bool:
-        """Whether joint j moves at one speed, see `is_one_speed`."""
-        return is_one_speed([b.motion.qd[b.arm.is_moving[:, j], j] for b in self.rows.balances])
+        """Whether joint j moves at one speed, so that forms of friction are one there."""
+        rates = [b.motion.qd[b.arm.is_moving[:, j], j] for b in self.rows.balances]
+        low, middle, high = np.quantile(np.abs(np.concatenate(rates)), [0.05, 0.5, 0.95])
+        return bool(high - low < ONE_SPEED * middle)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +138,7 @@ class JointChannel:
         laws = joint_laws(self.place, robot.ways(robot.joints), extras, self.motions.extent)
         if len(balances) > 1:  # each has a clock of its own
             return laws
-        return [*laws, *time_sines(max(float(np.ptp(self.times)), 1e-9), _HIGHEST, SWEEPS)]
+        return [*laws, *time_sines(max(float(np.ptp(self.times)), 1e-9))]
 
     def likeliest(self, laws: Sequence[Law]) -> JointChannel:
         """With the noise that is likeliest beside some laws."""

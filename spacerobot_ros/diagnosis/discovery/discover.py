@@ -19,7 +19,6 @@ from ..limits import CHANCE as NO_CHANCE
 from .arm_channels import PARTLY_SEEN, REPLACEABLE, ArmMotions, JointChannel
 from .channel_laws import (
     HeldLaw,
-    channel_name,
     laws_of,
     leftover_of,
     leftover_without,
@@ -60,9 +59,11 @@ def discover(
         entries += held
     done = {entry.channel for entry in entries}
     entries += [
-        leftover_without(place, None, ()) for place in replaced if channel_name(place) not in done
+        leftover_without(place, None, ())
+        for place in replaced
+        if f'joint_torque/{place}' not in done
     ]
-    slow = {channel_name(rows.robot.joints[j]) for j in moving if motions.has_one_speed(j)}
+    slow = {f'joint_torque/{rows.robot.joints[j]}' for j in moving if motions.has_one_speed(j)}
     entries = [replace(entry, one_speed=entry.channel in slow) for entry in entries]
     return extended, tuple(sorted(entries, key=lambda entry: entry.channel))
 

@@ -32,11 +32,6 @@ HELD_OUT = 0.025
 BEYOND_PLACEBO = 0.01
 """Share by which that must exceed the best placebo's."""
 
-OF_TERMS = 310
-"""Terms of which both shares are: an arm's, of 40 s. A flight has thousands, of noise that is
-known, where as many nats are a smaller share: a moment in a field that predicted left-out parts by
-20 nats, placebos by 0.2, explained 0.7 % of 5400 terms."""
-
 AGREEING = 0.6
 """Share of left-out parts that must be predicted better with the law than without."""
 

@@ -6,57 +6,24 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 
 from ...estimation.inference.spectral_terms import (
     GroupBasis,
     Level,
-    SpectralTerms,
     Whitening,
     cosines,
     rows_of,
     ways_of_each,
 )
 from ...types import Array, BoolArray, IntArray
+from .arm_channels import JointChannel
 from .discovery_limits import CHANCE, DEAD_HEAT, LEFT, MARGIN, MOST_LAWS
-from .moment_field import FREEDOM, ways_about_best
-from .possible_laws import ACROSS, NO_LAWS, PLAIN, REFINED, SINE, Extent, Law
+from .possible_laws import NO_LAWS, PLAIN, REFINED, SINE, Law
 
 _SHORTLIST, _ALIKE = 8, 2  # refitted; of one family
 _STEPS = (1.6, 1.25, 1.1)  # by which options are refined
-
-
-class SearchedChannel(Protocol):
-    """What is left of one channel, and what laws would make of it."""
-
-    @property
-    def terms(self) -> SpectralTerms:
-        """The leftover's."""
-
-    @property
-    def laws(self) -> Sequence[Law]:
-        """That may be."""
-
-    @property
-    def place(self) -> str:
-        """Joint; empty where laws have places of their own."""
-
-    def columns(self, laws: Sequence[Law]) -> list[Array]:
-        """(M, k) terms of the columns of each law; filters take many of them at once."""
-
-    @property
-    def times(self) -> Array:
-        """(R,) of rows, each of its recording [s]."""
-
-    @property
-    def part(self) -> IntArray:
-        """(R,) number of the part of each row, not decreasing."""
-
-    @property
-    def extent(self) -> Extent:
-        """What the motion covers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +36,6 @@ class Winner:
         margin: Gain in log likelihood beyond every price [nats].
         p_value: Of such a win by chance.
         rivals: Laws and margins that come close.
-        ways: (c, k) coefficients of the law's form by those of these columns; None: the same.
     """
 
     law: Law
@@ -77,7 +43,6 @@ class Winner:
     margin: float
     p_value: float
     rivals: tuple[tuple[Law, float], ...] = ()
-    ways: Array | None = None
 
     @property
     def is_law(self) -> bool:
@@ -97,7 +62,7 @@ def columns_of(steps: Sequence[Winner], count: int) -> Array:
     return np.concatenate([np.zeros((count, 0)), *(step.columns for step in steps)], axis=1)
 
 
-def worth(channel: SearchedChannel, steps: Sequence[Winner]) -> float:
+def worth(channel: JointChannel, steps: Sequence[Winner]) -> float:
     """Log likelihood of a channel with some laws, less all their prices [nats]."""
     terms = channel.terms
     level = terms.level(columns_of(steps, len(terms.data)))
@@ -112,7 +77,7 @@ class LawSearch:
         chance: Probability below which a law is none.
     """
 
-    def __init__(self, channel: SearchedChannel, chance: float = CHANCE) -> None:
+    def __init__(self, channel: JointChannel, chance: float = CHANCE) -> None:
         self.channel, self.terms, self.chance = channel, channel.terms, chance
         every = zip(channel.laws, channel.columns(channel.laws), strict=True)
         pairs = [(law, columns) for law, columns in every if np.any(columns)]
@@ -163,23 +128,14 @@ class LawSearch:
         if p_value > self.chance:
             return None
         margin, g = self._plainer(refitted)
-        ways = self._ways(g, beside)
         close = [(k, m) for m, k, _ in refitted if k != g and margin - m < DEAD_HEAT]
         rivals = tuple((self.laws[k], margin - m) for k, m in close)
         law, columns, margin = self._refined(g, beside, here, margin)
-        columns = columns if ways is None else columns @ ways
-        return Winner(law, columns, margin, p_value, rivals, ways)
-
-    def _ways(self, g: int, beside: Array) -> Array | None:
-        """Directions of a law that is not linear in its numbers, see `ways_about_best`."""
-        if self.laws[g].form is not ACROSS:
-            return None
-        return ways_about_best(self.terms, self.columns[:, self.groups[g]], beside)
+        return Winner(law, columns, margin, p_value, rivals)
 
     def _beside(self, g: int, beside: Array) -> Array:
-        """(M, K) columns of a law, as free as it is, beside those of others."""
-        own, ways = self.columns[:, self.groups[g]], self._ways(g, beside)
-        return np.concatenate([beside, own if ways is None else own @ ways], axis=1)
+        """(M, K) columns of a law beside those of others."""
+        return np.concatenate([beside, self.columns[:, self.groups[g]]], axis=1)
 
     def _plainer(self, refitted: Sequence[tuple[float, int, Level]]) -> tuple[float, int]:
         """Margin and number of the best law, or of a polynomial in the place of a part of a sine.
@@ -193,8 +149,11 @@ class LawSearch:
         if best.form.name == SINE and self.channel.extent.turns(best) < 1.0:
             for other, k, _ in refitted:
                 law = self.laws[k]
-                is_same = (law.place, law.inputs) == (best.place, best.inputs)
-                if is_same and law.form.name == PLAIN and margin - other < DEAD_HEAT:
+                if (
+                    law.inputs == best.inputs
+                    and law.form.name == PLAIN
+                    and margin - other < DEAD_HEAT
+                ):
                     return other, k
         return margin, g
 
@@ -287,10 +246,8 @@ class _Judge:
             usable = np.sum(ways**2, axis=0) > LEFT * before
         self.usable = usable
         self._basis = GroupBasis(terms.size * ways * usable, search.groups)
-        # of five numbers nine columns explain no more than as nine: chance is not understated
-        freedom = np.array([FREEDOM if law.form is ACROSS else 1.0 for law in search.laws])
         prices = np.array([law.price for law in search.laws])
-        self._prices = self._basis.prices * freedom + prices
+        self._prices = self._basis.prices + prices
 
     def scores(self, residuals: Array) -> Array:
         """(G, F) log likelihood beyond all prices, of (M, F) residuals."""

@@ -1,20 +1,25 @@
-"""Whether a law holds on a recording that nobody fitted it to; nothing is fitted here."""
+"""What recordings tell of laws: inputs that they lack, and whether a law holds on another one.
+
+Nothing is fitted here.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from ...effects.effect import Effect
+from ...effects.laws.learned_torque import LearnedTorque
 from ...estimation.balance.balance import Balance, balance_of
 from ...estimation.inference.placebo import held_out_gain
 from ...estimation.rows import BLOCKS
 from ...estimation.trajectory.observations import observed
 from ...model.robot import Robot
 from ...recording.record import Record
+from ...recording.robot_inputs import EXTRA
 from ...types import Array
 from ..answer.result import Leftover
 from .discovery_limits import BEYOND_PLACEBO
@@ -71,3 +76,30 @@ def _torques(balance: Balance, law: Effect) -> Array:
     motion = balance.motion
     torques = law.force(motion, law.driven(motion))[:, 6:]
     return balance.in_rows(torques, np.arange(torques.shape[1]))
+
+
+def unmeasured_inputs(effects: Iterable[Effect], records: Sequence[Record]) -> tuple[str, ...]:
+    """A note on every law that lacks an input.
+
+    Args:
+        effects: Of the robot file.
+        records: What was measured.
+    """
+    laws = (e for e in effects if isinstance(e, LearnedTorque))
+    return tuple(
+        f'effects.{law.name}: the recording has no {name}, on which this law depends: it is taken '
+        f'to be in the middle of its range all along (`extra` of a mapping names its column)'
+        for law in laws
+        for name in law.inputs
+        if name.startswith(EXTRA) and not all(name in record.inputs for record in records)
+    )
+
+
+def unshared_extras(records: Sequence[Record]) -> tuple[str, ...]:
+    """A note on every column of a mapping's `extra` that some of several recordings lack."""
+    names = dict.fromkeys(n for r in records for n in r.inputs if n.startswith(EXTRA))
+    return tuple(
+        f'{name}: not in every recording, so that no law is asked of it'
+        for name in names
+        if not all(name in record.inputs for record in records)
+    )

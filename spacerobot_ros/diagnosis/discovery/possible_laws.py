@@ -21,6 +21,12 @@ _BENDS = (0.03, 0.1, 0.3)  # of the 95 % rate
 _DISPLACEMENTS = (2e-3, 6e-3, 0.02, 0.06)  # rad
 _WARM_UP = (0.1, 0.3, 1.0)  # of the record's length
 _STOPS = (0.1, 0.2, 0.3)  # of the range, at either end
+_SWEEPS = (0.0, 4.0, -4.0, 8.0, -8.0, 16.0, -16.0, 32.0, -32.0)  # of sines of the time, 1/T^2
+_LOWEST, _HIGHEST = 0.05, 2.0  # Hz, of sines of the time: up to half the band
+_SPACING = 0.5
+"""Of the resolution 1/T: between two of them a sine keeps 81 % of its square. With 0.75 (63 %) 5
+of 16 slow sweeps were functions of nothing that is measured, now 1 is."""
+_MOST = 1500  # sines of the time: longer records sweep less, then have the low frequencies alone
 REFINED = ('scale', 'displacement')
 """Options whose values are refined by the likelihood."""
 NO_LAWS = ('inertial', 'clock')
@@ -42,10 +48,8 @@ class Law:
         price: [nats].
         resembles: Class of laws, in words.
         kind: What it does with energy, see `learned_torque.KINDS`; `inertial` and `clock` are no
-            laws: where they win, the leftover is an error of the masses, or follows the time;
-            `sensor` is no torque.
+            laws: where they win, the leftover is an error of the masses, or follows the time.
         options: What the form is not linear in.
-        place: Whose torque it is, where a channel has several.
     """
 
     form: Form
@@ -54,12 +58,11 @@ class Law:
     resembles: str
     kind: str
     options: Mapping[str, float] = field(default_factory=dict)
-    place: str = ''
 
     @property
-    def family(self) -> tuple[str, frozenset[str], str]:
+    def family(self) -> tuple[frozenset[str], str]:
         """Variables and class: laws that say the same in other words."""
-        return self.place, frozenset(self.inputs), self.resembles
+        return frozenset(self.inputs), self.resembles
 
     @property
     def in_words(self) -> str:
@@ -146,15 +149,6 @@ _WITH_EXTRA = (  # x is the rate, y is measured beside the motion
 )
 
 
-SENSOR = 'sensor'
-"""Kind of a law that is no torque."""
-_RATES = {'gyro': 'base_rate', 'joint_rate': 'rate'}
-_BY_EXTRA = (('x', 2.5), ('x, x^2', 3.0))
-_BENT = 'a scale of a sensor that changes with its reading'
-_SCALED = 'a scale of a sensor that changes with what is measured'
-_SHIFTED = 'a shift of a sensor that changes with what is measured'
-
-
 def joint_laws(
     joint: str, joints: Mapping[str, str], extras: Sequence[str], at: Extent
 ) -> list[Law]:
@@ -178,54 +172,25 @@ def joint_laws(
     return [*out, *_slow_laws(at)]
 
 
-def base_laws(axis: str, at: Extent) -> list[Law]:
-    """Laws of a torque about an axis of the free base."""
-    own = tuple(f'attitude/{i}{axis}' for i in 'xyz')
-    attitude = tuple(f'attitude/{i}{k}' for i in 'xyz' for k in 'xyz')
-    rates = tuple(f'base_rate/{i}' for i in 'xyz')
-    follows = 'a torque that follows the attitude'
-    return [
-        _law('sum of 3', own, 3.0, follows, 'external'),
-        _law('sum of 9', attitude, 3.0, follows, 'external'),
-        _law('sum of 3', rates, 3.0, 'a torque that follows the base rate', 'external'),
-        *_slow_laws(at),
-    ]
+def time_sines(duration: float) -> list[Law]:
+    """The rival of every law: sines and cosines of 2 pi (f t + c t^2 / 2), by their number.
+
+    Args:
+        duration: T of the record [s].
+    """
+    frequencies = np.arange(_LOWEST, _HIGHEST, _SPACING / duration)[:_MOST].tolist()
+    count = max(1, min(len(_SWEEPS), _MOST // max(len(frequencies), 1)))
+    options = [{'f': f, 'c': c / duration**2} for f in frequencies for c in _SWEEPS[:count]]
+    price = math.log(max(len(options), 1))
+    return [Law(_SWEEP, ('time',), price, 'a sine of the time', 'clock', o) for o in options]
 
 
-def whole_base_laws() -> list[Law]:
-    """Laws of the torque on a free base as a vector."""
-    inputs = tuple(f'attitude/{i}{k}' for i in 'xyz' for k in 'xyz')
-    return [Law(ACROSS, inputs, 3.0, 'the torque of a moment in a field', 'external')]
+def _turning(t: Array, f: float, c: float) -> tuple[Array, ...]:
+    angle = 2.0 * math.pi * (f * t + 0.5 * c * t**2)
+    return np.sin(angle), np.cos(angle)
 
 
-def _across(*entries: Array) -> tuple[Array, ...]:
-    """M x R_WB^T b is linear in the nine m_j b_l: (N, 3) columns of each of them."""
-    rotation = np.stack(entries, axis=1).reshape(-1, 3, 3)
-    return tuple(
-        np.cross(np.eye(3)[j], rotation[:, axis, :]) for j in range(3) for axis in range(3)
-    )
-
-
-ACROSS = Form('m x R^T b', _across, ((0,) * 9,) * 9)
-"""Of a moment m of the base in a field b that is constant in inertial space; no form of a single
-axis: there it is a sum of nine."""
-
-
-def sensor_laws(channel: str, extras: Sequence[str]) -> list[Law]:
-    """Laws by which a sensor's channel, such as `gyro/x`, reads more than the truth."""
-    what, whose = quantity(channel)
-    measured = [f'extra/{extra}' for extra in extras]
-    out = []
-    if what in _RATES:
-        rate = f'{_RATES[what]}/{whose}'
-        out += [_law(form, (rate,), 2.5, _BENT, SENSOR) for form in ('x |x|', 'x^2')]
-        out += [_law('x, x y', (rate, name), 3.5, _SCALED, SENSOR) for name in measured]
-    for name in measured:
-        out += [_law(form, (name,), p, _SHIFTED, SENSOR) for form, p in _BY_EXTRA]
-        for m in _PER_TURN[:2]:
-            form, options = 'sin(m x), cos(m x)', {'m': m}
-            out.append(_law(form, (name,), 3.5, _SHIFTED, SENSOR, options))
-    return out
+_SWEEP = Form('sin, cos of 2 pi (f t + c t^2 / 2)', _turning, ((0,), (0,)))
 
 
 def _own_laws(joint: str, at: Extent) -> Iterator[Law]:
@@ -304,9 +269,8 @@ def _law(
 
 def others_of(law: Law, place: str) -> list[str]:
     """Joints whose variables it needs, but that of its place."""
-    own = place.removeprefix('joint_rate/').removeprefix('joint_position/')
     of_joints = [quantity(name) for name in law.inputs if quantity(name)[0] in _OF_JOINTS]
-    return [whose for _, whose in of_joints if whose != own]
+    return [whose for _, whose in of_joints if whose != place]
 
 
 _OF_JOINTS = ('rate', 'angle', 'load', 'acceleration')

@@ -10,7 +10,6 @@ in the band.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,6 @@ _CLASS = 1.25  # of speeds: highest by lowest
 _FEWEST = 400  # samples
 
 
-@dataclass(frozen=True, eq=False)
 class OrderSpectrum:
     """Orders against one angle.
 
@@ -34,31 +32,23 @@ class OrderSpectrum:
         speed: (N,) |q'| [turns/s]; zero where nothing is to be used.
         band: Lowest and highest frequency [Hz].
         least, top: Of the orders [periods a turn].
+
+    Attributes:
+        orders: (K,) evenly spaced.
     """
 
-    angle: Array
-    speed: Array
-    band: tuple[float, float]
-    least: float
-    top: float
-    orders: Array = field(init=False)
-    """(K,) evenly spaced."""
-    _first: int = field(init=False)
-    _bins: int = field(init=False)
-    _bin: IntArray = field(init=False)
-
-    def __post_init__(self) -> None:
-        """Bins of the angle."""
-        turns = (self.angle - np.min(self.angle)) / (2.0 * math.pi)
+    def __init__(
+        self, angle: Array, speed: Array, band: tuple[float, float], least: float, top: float
+    ) -> None:
+        self.angle, self.speed, self.band = angle, speed, band
+        self._slowest = band[0] / max(top, least)
+        turns = (angle - np.min(angle)) / (2.0 * math.pi)
         length = _FINE * max(float(np.ptp(turns)), _SHORT)
-        count = next_fast_len(math.ceil(_BINS * max(self.top, self.least) * length), real=True)
-        first = math.ceil(self.least * length)
-        orders = np.arange(first, max(first, math.floor(self.top * length))) / length
-        where = np.minimum((turns / length * count).astype(int), count - 1)
-        for name, value in (
-            ('orders', orders), ('_first', first), ('_bins', count), ('_bin', where),
-        ):  # fmt: skip
-            object.__setattr__(self, name, value)
+        self._first = math.ceil(least * length)
+        last = max(self._first, math.floor(top * length))
+        self.orders: Array = np.arange(self._first, last) / length
+        self._bins = next_fast_len(math.ceil(_BINS * max(top, least) * length), real=True)
+        self._bin = np.minimum((turns / length * self._bins).astype(int), self._bins - 1)
 
     def seen(self, order: float) -> BoolArray:
         """(N,) where an order's frequency lies within the band."""
@@ -94,12 +84,9 @@ class OrderSpectrum:
 
     def _classes(self) -> list[tuple[IntArray, float]]:
         """Samples of about one speed, and this speed."""
-        moving = np.flatnonzero(self.speed > self.band[0] / max(self.top, self.least))
-        if not len(moving):
-            return []
+        moving = np.flatnonzero(self.speed > self._slowest)
         level = np.floor(np.log(self.speed[moving]) / math.log(_CLASS)).astype(int)
-        own = ((moving[level == n], _CLASS ** (n + 0.5)) for n in np.unique(level).tolist())
-        return list(own)
+        return [(moving[level == n], _CLASS ** (n + 0.5)) for n in np.unique(level).tolist()]
 
 
 def _explained(cosine: Array, sine: Array, both: Array, along: NDArray[np.complex128]) -> Array:

@@ -65,9 +65,7 @@ def find_orders(records: Sequence[Record], units: Mapping[str, str]) -> tuple[Or
     """
     best: dict[str, list[Order]] = {joint: [] for joint in units}
     for record in records:
-        joints = {
-            joint: _of_joint(record, j, joint, units[joint]) for j, joint in enumerate(units)
-        }
+        joints = {name: _of_joint(record, j, name, units[name]) for j, name in enumerate(units)}
         for name, found in (joints | wheel_orders(record, units)).items():
             known = best.get(name)
             if not known or (found and found[0].p_value <= known[0].p_value):
@@ -78,12 +76,11 @@ def find_orders(records: Sequence[Record], units: Mapping[str, str]) -> tuple[Or
 def _of_joint(record: Record, j: int, joint: str, unit: str) -> list[Order]:
     if record.effort is None or np.isnan(record.effort[:, j]).any():
         return []
-    grid = _Grid.of(record.joint_time)
+    time = record.joint_time
+    grid = _Grid.of(time)
     if grid is None:
         return []
-    q, effort = (
-        np.interp(grid.time, record.joint_time, x[:, j]) for x in (record.q, record.effort)
-    )
+    q, effort = (np.interp(grid.time, time, x[:, j]) for x in (record.q, record.effort))
     highest = _HIGHEST_SLIDING if unit == 'N' else _HIGHEST
     turning = Turning(q, grid.step, grid.is_there, _LEAST, highest)
     return [_order(joint, unit, line) for line in lines_of(FastSignal(effort, grid.step), turning)]
@@ -121,10 +118,8 @@ def _signals(
     record: Record, units: Mapping[str, str]
 ) -> Iterator[tuple[Array, list[tuple[str, str, Array]]]]:
     """Times of a sensor's samples, with channel, unit and values (N,) of each signal."""
-    gyro = [
-        (f'gyro/{axis}', 'rad/s', own) for axis, own in zip('xyz', record.omega.T, strict=True)
-    ]
-    yield record.rate_time, gyro
+    axes = zip('xyz', record.omega.T, strict=True)
+    yield record.rate_time, [(f'gyro/{axis}', 'rad/s', own) for axis, own in axes]
     if record.effort is not None:
         pairs = zip(units.items(), record.effort.T, strict=True)
         efforts = [(f'joint_torque/{joint}', unit, own) for (joint, unit), own in pairs]

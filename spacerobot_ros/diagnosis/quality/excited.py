@@ -12,11 +12,10 @@ An unknown is told where three of these standard deviations are less than its pl
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import groupby
 from operator import add
-from typing import Any
 
 import numpy as np
 
@@ -35,7 +34,6 @@ from ...estimation.trajectory.observations import observed
 from ...model.robot import Robot
 from ...recording.faults.thresholds import SHORTEST, is_short
 from ...recording.record import Record
-from ...types import Array
 from ..arms.arm_found import refuse_rest
 
 _STRETCH = 60.0  # s that are judged at once: bounds memory, and an initial state more is cheap
@@ -165,14 +163,8 @@ def _thinned(record: Record, every: int) -> Record:
     """One of so many samples of each sensor."""
     if every == 1:
         return record
-    thin: dict[str, Any] = {}
-    for sensor in ('joints', 'rates', 'attitudes'):
-        series = getattr(record, sensor)
-        if series is not None:
-            count = len(series.stamp_ns)
-            values = ((f.name, getattr(series, f.name)) for f in fields(series))
-            fewer = {n: v[::every] for n, v in values if np.shape(v)[:1] == (count,)}
-            thin[sensor] = replace(series, **fewer)
+    sensors = {name: getattr(record, name) for name in ('joints', 'rates', 'attitudes')}
+    thin = {n: s.at(np.arange(len(s)) % every == 0) for n, s in sensors.items() if s is not None}
     return replace(record, **thin)
 
 
@@ -188,11 +180,10 @@ def _stretches(record: Record, length: float) -> Iterable[Record]:
     start, end = record.span
     if end - start <= (1.5 if length == _STRETCH else 1.0) * length:
         return [record]
+    starts = [0.5 * (start + end - length)]
     if length == _STRETCH:
-        starts = np.linspace(start, end - length, _STRETCHES)
-    else:
-        starts = np.array([0.5 * (start + end - length)])
-    parts = [record.between(float(t) - 1e-9, float(t) + length) for t in starts]
+        starts = np.linspace(start, end - length, _STRETCHES).tolist()
+    parts = [record.between(t - 1e-9, t + length) for t in starts]
     return [part for part in parts if not is_short(part.joint_time)]
 
 
@@ -207,14 +198,10 @@ def _compatible(found: Sequence[Candidate]) -> list[Candidate]:
 
 def _part(found: Sequence[Candidate], kept: Sequence[Candidate], gram: Gram) -> Gram:
     """The information of some of the candidates."""
-    places: list[int] = []
-    k = 0
     wanted = {id(candidate) for candidate in kept}
-    for candidate in found:
-        if id(candidate) in wanted:
-            places += range(k, k + len(candidate.steps))
-        k += len(candidate.steps)
-    return gram.part(np.array(places, dtype=np.int64))
+    is_kept = [id(candidate) in wanted for candidate in found]
+    counts = [len(candidate.steps) for candidate in found]
+    return gram.part(np.flatnonzero(np.repeat(is_kept, counts)))
 
 
 def _judged(found: Sequence[Candidate], gram: Gram, robot: Robot) -> Iterable[Excited]:
@@ -228,8 +215,7 @@ def _judged(found: Sequence[Candidate], gram: Gram, robot: Robot) -> Iterable[Ex
     k = 0
     for candidate in found:
         for name, unit in _numbers(candidate, robot):
-            values: list[Array] = [sizes, alone, together]
-            size, own, beside = (float(v[k]) for v in values)
+            size, own, beside = (float(v[k]) for v in (sizes, alone, together))
             yield Excited(candidate.kind.id, candidate.where, name, unit, size, own, beside)
             k += 1
 

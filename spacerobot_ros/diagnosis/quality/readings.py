@@ -11,6 +11,7 @@ from ...estimation.noise_levels import fourth_difference_std, unseen_turns
 from ...model.body import joint_unit
 from ...model.robot import Robot
 from ...model.robot_settings import SensorSettings
+from ...recording.faults.held_readings import runs
 from ...recording.record import Record
 from ...types import Array, BoolArray
 
@@ -116,9 +117,7 @@ def _cut_off(values: Array, blur: float) -> BoolArray:
     out = np.zeros(len(values), dtype=bool)
     for sign in (1.0, -1.0):
         y = sign * values
-        at = np.concatenate([[False], y == y.max(), [False]])
-        edges = np.flatnonzero(np.diff(at.astype(int)))
-        for first, after in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        for first, after in runs(y == y.max()):
             if after - first < _RUN:
                 continue
             sides = (y[max(first - _BEFORE, 0) : first], y[after : after + _BEFORE][::-1])

@@ -72,15 +72,17 @@ class Discrepancy:
     @property
     def left(self) -> Array:
         """(N, k) what offsets, biases, scales and a delay do not explain."""
-        columns = np.concatenate([self.others, self.rate[:, :, None]], axis=2)
-        return np.asarray(self.error - columns @ self.fit)
+        return np.asarray(self.error - self._columns @ self.fit)
 
     @property
     def fit(self) -> Array:
         """(m + 1,) offsets, biases, scales, and the delay's opposite."""
-        columns = np.concatenate([self.others, self.rate[:, :, None]], axis=2)
-        flat = columns.reshape(-1, columns.shape[2])
+        flat = self._columns.reshape(self.error.size, -1)
         return np.asarray(np.linalg.lstsq(flat, self.error.ravel(), rcond=None)[0])
+
+    @property
+    def _columns(self) -> Array:
+        return np.concatenate([self.others, self.rate[:, :, None]], axis=2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,24 +204,25 @@ def rate_scales(record: Record) -> Iterator[RateScale]:
     qd, time = record.qd, record.joint_time
     if qd is None or not np.isfinite(qd).all() or len(time) < _PARTS * _FEWEST:
         return
-    for name, q, rate in zip(
-        record.joints.names if record.joints else (), record.q.T, qd.T, strict=True
-    ):
+    names = record.joints.names if record.joints else ()
+    for name, q, rate in zip(names, record.q.T, qd.T, strict=True):
         if np.std(q) < MOVED:  # what is said of its rate is noise
             continue
         moved = spline_integral(time, rate)
         others = np.column_stack([np.ones_like(time), time, rate])
-        pair = Discrepancy(
-            '', '', '', time, (q - moved)[:, None], -moved[:, None], others[:, None, :]
-        )
-        found = [_in_part(pair, own) for own in np.array_split(np.arange(len(time)), _PARTS)]
-        mean, std = _weighed(*np.array(found).T)
+        error, opposite = (q - moved)[:, None], -moved[:, None]
+        mean, std = _by_parts(Discrepancy('', '', '', time, error, opposite, others[:, None, :]))
         if np.isfinite(mean):
             yield RateScale(name, 1.0 + mean, std, abs(mean) * float(np.std(moved)))
 
 
-def _weighed(values: Array, weights: Array) -> tuple[float, float]:
-    """Mean of what parts say by their weights, and its deviation; NaN where none says anything."""
+def _by_parts(pair: Discrepancy) -> tuple[float, float]:
+    """Mean delay of parts of a record, by what each knows of it, and its standard deviation.
+
+    NaN where none of them says anything.
+    """
+    parts = np.array_split(np.arange(len(pair.time)), _PARTS)
+    values, weights = np.array([_in_part(pair, own) for own in parts]).T
     if not weights.sum() > 0.0:
         return np.nan, np.nan
     mean = float(weights @ values / weights.sum())
@@ -229,11 +232,9 @@ def _weighed(values: Array, weights: Array) -> tuple[float, float]:
 
 def delay_of(pair: Discrepancy) -> ClockDelay | None:
     """The delay that all axes share; None where nothing moves, or samples are too few."""
-    n = len(pair.time)
-    if n < _PARTS * _FEWEST or not np.any(pair.rate):
+    if len(pair.time) < _PARTS * _FEWEST or not np.any(pair.rate):
         return None
-    found = [_in_part(pair, own) for own in np.array_split(np.arange(n), _PARTS)]
-    delay, std = _weighed(*np.array(found).T)
+    delay, std = _by_parts(pair)
     if not np.isfinite(delay):
         return None
     rms = float(np.sqrt(np.mean(pair.rate**2)))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 
 from ...estimation.fit import Fit
 from ...estimation.rows import ChannelFit
@@ -12,7 +11,7 @@ from ...estimation.scaling import is_relevant
 from ..answer.cause import Cause, Estimated, Evidence, Ranked, Rival
 from ..answer.residuals import residuals, rms, series
 from ..answer.result import Diagnosis, Gain
-from ..answer.words import at, cause_in_words, laws_in_words, verdict_of
+from ..answer.words import at, cause_in_words, verdict_of
 from ..limits import DRIFTING, MISFIT, RESOLVED
 from .found import Found
 from .soundness import drift_p, least_needed
@@ -60,24 +59,6 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
         next_motion=tuple(r.motion for c in named for r in c.rivals if r.motion),
         notes=notes if found.is_complete else (*notes, _unfinished(white_left)),
     )
-
-
-def worded_with_laws(answer: Diagnosis, fit: Fit) -> Diagnosis:
-    """An answer whose sentence has its laws, and no causes that these have as terms of their own.
-
-    Args:
-        answer: With laws of what is left.
-        fit: Of the causes that were named before, which leaves that; of none where they fit.
-    """
-    laws = [entry for entry in answer.leftover or () if entry.form]
-    if not laws:
-        return answer
-    if answer.verdict in ('consistent', 'explained'):  # they are too small to matter
-        words = _sentence(answer.verdict, answer.causes, answer.minor, '', '')
-        return replace(answer, sentence=words + laws_in_words(laws, 'Too small to matter,'))
-    verdict, left = verdict_of(False, bool(answer.causes)), _left(fit.rows.whiteness()[1])
-    words = _sentence(verdict, answer.causes, answer.minor, '', left)
-    return replace(answer, sentence=words + laws_in_words(laws))
 
 
 def _unfinished(fits: Sequence[ChannelFit]) -> str:

@@ -24,7 +24,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -180,8 +179,7 @@ class Appendage(Sprung):
         """The axis of unit length; the translation turns round with it."""
         out = self.with_unit_axis()
         turned = float(np.sign(out.vector() @ self.axis))
-        values = {name: turned * self[name] for name in _TRANSLATION}
-        return replace(out, values={**out.values, **values})
+        return out.changed(**{name: turned * self[name] for name in _TRANSLATION})
 
     @classmethod
     def variants(cls, robot: Robot, where: str | None) -> tuple[dict[str, float], ...]:

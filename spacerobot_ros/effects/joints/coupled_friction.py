@@ -11,6 +11,8 @@ from ..motion import Motion, inverse_mass
 from ..parameter import amount, searched
 from ..prior import Prior, Scale
 
+_RATIOS = {'minimum': -10.0, 'maximum': 10.0}
+
 
 class CoupledFriction(JointEffect):
     """T = C sign(u) + V u against u = q_j' + r q_k': tau_j = -T, tau_k = -r T.
@@ -34,16 +36,7 @@ class CoupledFriction(JointEffect):
     parameters = (
         amount('coulomb', 'N m', 3.0, 0.01, default=0.0),
         amount('viscous', 'N m s/rad', 10.0, 0.05, default=0.0),
-        searched(
-            'ratio',
-            '',
-            1.0,
-            nominal=1.0,
-            default=1.0,
-            minimum=-10.0,
-            maximum=10.0,
-            guesses=(1.0, -1.0),
-        ),
+        searched('ratio', '', 1.0, nominal=1.0, default=1.0, guesses=(1.0, -1.0), **_RATIOS),
     )
 
     @classmethod

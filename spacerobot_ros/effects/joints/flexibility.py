@@ -20,6 +20,7 @@ from ..joint import JointEffect
 from ..motion import Motion
 from ..parameter import Parameter, amount, searched
 from ..prior import Prior, Scale
+from ..sensors.sensor_errors import SensorFault
 
 _SHARE = {'minimum': 0.0, 'maximum': 1.0}
 _REACH = 5  # samples on each side that a slope is taken over
@@ -117,7 +118,7 @@ class Flexibility(JointEffect):
         return motion.acceleration[:, 6 + column]
 
 
-class Backlash(JointEffect):
+class Backlash(JointEffect, SensorFault):
     """theta - q = 1/2 gap sign(tau_m): play between encoder and link.
 
     The motor rests on the flank that its torque presses on, and crosses the play when the torque
@@ -133,6 +134,7 @@ class Backlash(JointEffect):
 
     id = 'joint_backlash'
     title = 'play between the encoder on the motor and the link'
+    channel = 'joint_position'
     parameters = (amount('gap', 'rad', 2e-3, 1e-4, maximum=1.0),)
 
     @classmethod
@@ -140,12 +142,8 @@ class Backlash(JointEffect):
         """The smoothed motion has no jumps."""
         return None
 
-    def sense(
-        self, channel: str, value: Array, motion: Motion, hidden: Array | None = None
-    ) -> Array:
+    def faulty(self, value: Array, motion: Motion) -> Array:
         """The motor's angle."""
-        if channel != 'joint_position':
-            return value
         out, column = np.array(value), motion.column(self.where)
         out[:, column] += 0.5 * self['gap'] * np.tanh(motion.effort[:, column] / CROSSING_TORQUE)
         return out

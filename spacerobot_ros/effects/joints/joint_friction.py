@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ...model.robot import Robot
@@ -13,6 +11,7 @@ from ..joint import STICTION_RATE, JointTorque, direction
 from ..parameter import amount, searched
 from ..prior import RUN_TO_RUN, Prior, Scale
 
+_VELOCITIES = {'above': STICTION_RATE, 'maximum': 10.0}
 _FALLS = (0.005, 0.015, 0.05, 0.15)
 """First guesses of the rate over which friction falls [rad/s]."""
 
@@ -126,15 +125,7 @@ class StribeckFriction(JointTorque):
     parameters = (
         amount('coulomb', 'N m', 3.0, 0.01),
         amount('static', 'N m', 4.0, 0.01, beyond='coulomb'),
-        searched(
-            'velocity',
-            'rad/s',
-            0.1,
-            nominal=0.01,
-            above=STICTION_RATE,
-            maximum=10.0,
-            guesses=_FALLS,
-        ),
+        searched('velocity', 'rad/s', 0.1, nominal=0.01, guesses=_FALLS, **_VELOCITIES),
     )
 
     @classmethod
@@ -150,8 +141,7 @@ class StribeckFriction(JointTorque):
 
     def canonical(self) -> Effect:
         """Without a static torque below the Coulomb one."""
-        static = max(self['static'], self['coulomb'])
-        return replace(self, values={**self.values, 'static': static})
+        return self.changed(static=max(self['static'], self['coulomb']))
 
     def check(self, robot: Robot) -> None:
         """The static torque is the larger one."""

@@ -22,11 +22,13 @@ from ...dynamics.compiling import compiled
 from ...model.robot import Robot
 from ...types import Array
 from ..joint import JointEffect
-from ..laws.hysteresis import SLIDING_ACCELERATION
+from ..laws.hysteresis import SLIDING_ACCELERATION, fastest_share
 from ..motion import Motion
 from ..parameter import amount, searched
 from ..prior import Prior, Scale
 
+_DISPLACEMENTS = {'minimum': 1e-5, 'maximum': 1.0}
+_GUESSES = (3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
 _ELASTIC = 0.7  # b, as in Dupont et al.: no load below this share makes a joint creep
 
 
@@ -48,15 +50,7 @@ class PreslidingFriction(JointEffect):
     refines = ('joint_coulomb_friction',)
     parameters = (
         amount('torque', 'N m', 3.0, 0.01),
-        searched(
-            'displacement',
-            'rad',
-            1e-2,
-            nominal=1e-3,
-            minimum=1e-5,
-            maximum=1.0,
-            guesses=(3e-4, 1e-3, 3e-3, 1e-2, 3e-2),
-        ),
+        searched('displacement', 'rad', 1e-2, nominal=1e-3, guesses=_GUESSES, **_DISPLACEMENTS),
     )
 
     @classmethod
@@ -83,10 +77,8 @@ class PreslidingFriction(JointEffect):
 
     def fastest(self, robot: Robot) -> float:
         """Of the joint on its contacts, or of contacts that begin to slide."""
-        sliding = math.sqrt(2.0 * SLIDING_ACCELERATION / self['displacement']) / (1.0 - _ELASTIC)
-        return max(
-            math.sqrt(self['torque'] * self.mobility(robot) / self['displacement']), sliding
-        )
+        swinging = math.sqrt(self['torque'] * self.mobility(robot) / self['displacement'])
+        return max(swinging, fastest_share(self['displacement']) / (1.0 - _ELASTIC))
 
 
 @compiled

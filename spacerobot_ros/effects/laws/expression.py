@@ -11,6 +11,7 @@ import ast
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -76,7 +77,7 @@ class Expression:
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             why = error.msg if isinstance(error, SyntaxError) else type(error).__name__
             raise ConfigurationError(place, f'{text!r} is no formula: {why}') from error
-        compute = _compiled(node, place, 0)
+        compute = _compiled(node, place)
         return cls(text.strip(), frozenset(_names(node)), node, compute)
 
     def __call__(self, values: QuantityValues) -> Array:
@@ -140,58 +141,29 @@ def _refusal(node: ast.AST, place: str) -> ConfigurationError:
     return ConfigurationError(place, f'{shown!r} is not part of a formula')
 
 
-def _compiled(node: ast.AST, place: str, depth: int) -> Callable[[QuantityValues], Any]:
+def _compiled(node: ast.AST, place: str, depth: int = 0) -> Callable[[QuantityValues], Any]:
     """What computes a node; refuses all that is not in the grammar."""
     if depth > _DEEPEST:
         raise ConfigurationError(place, f'is nested deeper than {_DEEPEST} levels')
-    parts = [_compiled(child, place, depth + 1) for child in _children(node, place)]
+    inside = partial(_compiled, place=place, depth=depth + 1)
     match node:
-        case ast.Constant(value=int() | float() as number):
+        case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
             value = _number(number, place)
             return lambda values: value
-        case ast.Name() | ast.Subscript():
-            name = _name(node)
+        case ast.Name() | ast.Subscript() if name := _name(node):
             return lambda values: values[name]
-        case ast.UnaryOp(op=ast.USub()):
-            (inner,) = parts
-            return lambda values: -inner(values)
-        case ast.UnaryOp():
-            return parts[0]
-        case ast.BinOp(op=operator):
-            left, right = parts
-            function = _OPERATORS[type(operator)]
+        case ast.UnaryOp(op=ast.USub() | ast.UAdd() as sign, operand=operand):
+            inner = inside(operand)
+            return inner if isinstance(sign, ast.UAdd) else lambda values: -inner(values)
+        case ast.BinOp(left=a, op=operator, right=b) if type(operator) in _OPERATORS:
+            left, right, function = inside(a), inside(b), _OPERATORS[type(operator)]
             return lambda values: function(left(values), right(values))
-        case ast.Call(func=ast.Name(id=name)):
-            known = FUNCTIONS[name][0]
-            return lambda values: known(*(part(values) for part in parts))
-    raise _refusal(node, place)
-
-
-def _children(node: ast.AST, place: str) -> Iterator[ast.AST]:
-    """The parts of a node of the grammar.
-
-    Raises:
-        ConfigurationError: it is not in the grammar.
-    """
-    match node:
-        case ast.Constant(value=bool()):
-            pass
-        case ast.Constant(value=int() | float()) | ast.Name():
-            return
-        case ast.Subscript() if _name(node):
-            return
-        case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=inner):
-            yield inner
-            return
-        case ast.BinOp(left=left, op=operator, right=right) if type(operator) in _OPERATORS:
-            yield from (left, right)
-            return
         case ast.Call(func=ast.Name(id=name), args=given, keywords=[]) if name in FUNCTIONS:
-            wanted = FUNCTIONS[name][1]
+            known, wanted, _ = FUNCTIONS[name]
             if len(given) != wanted:
                 raise ConfigurationError(place, f'{name} takes {wanted}, got {len(given)}')
-            yield from given
-            return
+            parts = [inside(part) for part in given]
+            return lambda values: known(*(part(values) for part in parts))
         case ast.Call(func=ast.Name(id=name)):
             why = f'there is no function {name!r} (there are {", ".join(FUNCTIONS)})'
             raise ConfigurationError(place, why)
@@ -200,17 +172,16 @@ def _children(node: ast.AST, place: str) -> Iterator[ast.AST]:
 
 def _dimension(node: ast.AST, units: Mapping[str, Dimension], place: str) -> Dimension:
     """Dimension of a node whose grammar is known to be right."""
-    if isinstance(node, ast.Constant):
-        return PURE
-    if isinstance(node, ast.Name | ast.Subscript):
-        return units[_name(node)]
-    if isinstance(node, ast.UnaryOp):
-        return _dimension(node.operand, units, place)
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-        return _of_call(node, node.func.id, units, place)
-    if isinstance(node, ast.BinOp):
-        return _of_operation(node, units, place)
-    raise _refusal(node, place)
+    match node:
+        case ast.Name() | ast.Subscript():
+            return units[_name(node)]
+        case ast.UnaryOp(operand=operand):
+            return _dimension(operand, units, place)
+        case ast.Call(func=ast.Name(id=name)):
+            return _of_call(node, name, units, place)
+        case ast.BinOp():
+            return _of_operation(node, units, place)
+    return PURE
 
 
 def _of_call(node: ast.Call, name: str, units: Mapping[str, Dimension], place: str) -> Dimension:

@@ -17,8 +17,9 @@ from ...model.robot import Robot
 from ...model.schema import parse_number
 from ...types import Array
 from ..effect import Effect
-from ..motion import Motion, inverse_mass
+from ..motion import Motion, mobility
 from ..parameter import Parameter
+from ..sensors.sensor_errors import SensorFault
 from .formula_entry import Formula
 from .formula_quantities import OF_JOINTS, READING, is_axis, parts
 from .law_inputs import AXES, base_axes, quantity_along
@@ -155,8 +156,7 @@ class FormulaForce(WrittenFormula):
 
     def fastest(self, robot: Robot) -> float:
         """Rate at which it settles by what it makes of rates, or swings by its stiffness."""
-        law, column = self.formula, self._column(robot)
-        mobility = float(inverse_mass(robot)[column, column])
+        law, easy = self.formula, mobility(robot, self._column(robot))
         slopes = {'rate': 0.0, 'position': 0.0}
         for name in law.quantities:
             what = parts(name)[0]
@@ -164,7 +164,7 @@ class FormulaForce(WrittenFormula):
             if what in ('rate', 'base_rate', 'position', 'attitude'):
                 grid = _RATES if kind == 'rate' else _ANGLES
                 slopes[kind] = max(slopes[kind], self._slope(name, grid))
-        return max(slopes['rate'] * mobility, float(np.sqrt(slopes['position'] * mobility)))
+        return max(slopes['rate'] * easy, float(np.sqrt(slopes['position'] * easy)))
 
     def _slope(self, name: str, grid: Array) -> float:
         """Steepest slope by a quantity, the others at rest or anywhere."""
@@ -186,17 +186,13 @@ class FormulaForce(WrittenFormula):
         return (0 if law.key == 'force' else 3) + AXES.index(str(self.where)[-1])
 
 
-class FormulaReading(WrittenFormula):
+class FormulaReading(WrittenFormula, SensorFault):
     """A formula that is added to what a sensor says of its joint, or about its axis."""
 
     group = 'sensor'
 
-    def sense(
-        self, channel: str, value: Array, motion: Motion, hidden: Array | None = None
-    ) -> Array:
+    def faulty(self, value: Array, motion: Motion) -> Array:
         """The column of its channel changed."""
-        if channel != self.formula.channel:
-            return value
         where, out = str(self.where), np.array(value)
         column = AXES.index(where[-1]) if is_axis(where) else motion.column(where)
         out[:, column] += self.value(motion, out[:, column])
@@ -216,6 +212,7 @@ def _made(formula: Formula) -> type[WrittenFormula]:
         'needs_free_base': not formula.is_at_joint,
         'is_external': not (formula.is_at_joint or formula.channel),
         'formula': formula,
+        'channel': formula.channel,
         '__doc__': f'{formula.text}, by the robot file.',
     }
     base = FormulaReading if formula.channel else FormulaForce

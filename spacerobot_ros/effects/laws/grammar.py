@@ -7,8 +7,10 @@ simulator, the controller and the search for what a leftover depends on use the 
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -31,9 +33,8 @@ class Form:
 
     Args:
         name: Its formula, with x and y for the inputs.
-        columns: (N,) each, of inputs (N,) and parameters by name.
+        columns: (N,) each, of inputs (N,), and of parameters by name.
         powers: Of every column, the power of each input in it, for the units of coefficients.
-        parameters: Names of what it is not linear in.
         ratio: r where it is a function of x + r y alone; 0 else.
         has_history: Whether its one column is a share of the torque that a path mobilises.
     """
@@ -41,11 +42,15 @@ class Form:
     name: str
     columns: ColumnsOf
     powers: tuple[tuple[float, ...], ...]
-    parameters: tuple[str, ...] = ()
     ratio: float = 0.0
     has_history: bool = False
 
     keys: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of what it is not linear in: what its columns take behind the inputs."""
+        return _arguments(self.columns)[self.inputs :]
 
     @property
     def inputs(self) -> int:
@@ -60,6 +65,11 @@ class Form:
         """(N, K) columns of (N,) inputs along a motion; a history begins free of torque."""
         values = {name: parameters[name] for name in self.parameters}
         return np.stack(self.columns(*inputs, **values), axis=1)
+
+
+@cache
+def _arguments(columns: ColumnsOf) -> tuple[str, ...]:
+    return tuple(inspect.getfullargspec(columns).args)
 
 
 def _sum_of(ratio: float) -> tuple[Form, ...]:
@@ -85,7 +95,7 @@ def _hysteresis(name: str) -> Form:
     def share(x: Array, displacement: float) -> tuple[Array, ...]:
         return (followed(x, displacement, is_dahl=name == DAHL),)
 
-    return Form(name, share, ((0,),), ('displacement',), has_history=True)
+    return Form(name, share, ((0,),), has_history=True)
 
 
 def _each(count: int) -> Form:
@@ -102,7 +112,7 @@ def _spring(degree: int) -> Form:
     def columns(x: Array, centre: float) -> tuple[Array, ...]:
         return tuple((x - centre) ** k for k in powers)
 
-    return Form(f'{name} of u = x - centre', columns, tuple((k,) for k in powers), ('centre',))
+    return Form(f'{name} of u = x - centre', columns, tuple((k,) for k in powers))
 
 
 def _times(x: Array, m: float) -> tuple[Array, ...]:
@@ -130,11 +140,10 @@ _FORMS = (
         'sign(x) exp(-(x/scale)^2)',
         lambda x, scale: (direction(x) * np.exp(-((x / scale) ** 2)),),
         ((0,),),
-        ('scale',),
     ),
-    Form('exp(-x/scale)', lambda x, scale: (np.exp(-x / scale),), ((0,),), ('scale',)),
-    Form('sin(m x), cos(m x)', lambda x, m: _times(x, m)[1:], ((0,), (0,)), ('m',)),
-    Form('beyond(x)', _hollow, ((1,), (1,)), ('lower', 'upper')),
+    Form('exp(-x/scale)', lambda x, scale: (np.exp(-x / scale),), ((0,),)),
+    Form('sin(m x), cos(m x)', lambda x, m: _times(x, m)[1:], ((0,), (0,))),
+    Form('beyond(x)', _hollow, ((1,), (1,))),
     _hysteresis(PLAY),
     _hysteresis(DAHL),
     Form('x y', lambda x, y: (x * y,), ((1, 1),)),
@@ -152,20 +161,13 @@ _FORMS = (
         'sign(x), sin(m y) sign(x), cos(m y) sign(x)',
         lambda x, y, m: tuple(direction(x) * f for f in _times(y, m)),
         ((0, 0),) * 3,
-        ('m',),
     ),
     Form(
         'x, x sin(m y), x cos(m y)',
         lambda x, y, m: tuple(x * f for f in _times(y, m)),
         ((1, 0),) * 3,
-        ('m',),
     ),
-    Form(
-        'x, x exp(-y/scale)',
-        lambda x, y, scale: (x, x * np.exp(-y / scale)),
-        ((1, 0), (1, 0)),
-        ('scale',),
-    ),
+    Form('x, x exp(-y/scale)', lambda x, y, scale: (x, x * np.exp(-y / scale)), ((1, 0), (1, 0))),
     Form('|y| sign(x)', lambda x, y: (np.abs(y) * direction(x),), ((0, 1),)),
     Form('y^2 sign(x)', lambda x, y: (y**2 * direction(x),), ((0, 2),)),
     Form('y |x|', lambda x, y: (y * np.abs(x),), ((1, 1),)),
@@ -173,7 +175,6 @@ _FORMS = (
         'sin(m y), cos(m y), x sin(m y), x cos(m y)',
         lambda x, y, m: tuple(a * f for a in (np.ones(len(x)), x) for f in _times(y, m)[1:]),
         ((0, 0), (0, 0), (1, 0), (1, 0)),
-        ('m',),
     ),
     _each(3),
     _each(9),

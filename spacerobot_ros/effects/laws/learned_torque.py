@@ -21,7 +21,7 @@ from ...model.robot import Robot
 from ...types import Array
 from ..effect import Effect
 from ..joint import STICTION_RATE
-from ..motion import Motion, inverse_mass
+from ..motion import Motion, mobility
 from .grammar import DAHL, QUANTITIES, Form, quantity
 from .hysteresis import fastest_share, followed, share_rate
 from .law_inputs import AXES, base_axes, is_component, quantity_along
@@ -194,7 +194,8 @@ class LearnedTorque(Effect):
 
     def torque(self, motion: Motion, hidden: Array) -> Array:
         """(N,) [N m], saturated and without what friction can not do."""
-        raw = self._columns(motion, hidden) @ np.array(self.coefficients)
+        columns = self.form(list(self._clipped(motion)), self.options)
+        raw = columns @ np.array(self.coefficients)
         torque = np.clip(raw, -self.limit, self.limit)
         rate = self._dragged(motion)
         return torque if rate is None else np.where(torque * rate > 0.0, 0.0, torque)
@@ -209,9 +210,6 @@ class LearnedTorque(Effect):
         low, high = np.array([self.range[name] for name in self.inputs], dtype=float).T[..., None]
         margin = _BEYOND * (high - low)
         return low - margin, high + margin
-
-    def _columns(self, motion: Motion, hidden: Array) -> Array:
-        return self.form(list(self._clipped(motion)), self.options)
 
     def _clipped(self, motion: Motion) -> Array:
         """(K, N) inputs; of one that nobody measures here the middle of its data."""
@@ -233,16 +231,16 @@ class LearnedTorque(Effect):
 
     def fastest(self, robot: Robot) -> float:
         """Decay rate and natural frequency where the law is steepest."""
-        column = 6 + robot.joints.index(str(self.where))
-        mobility = float(inverse_mass(robot)[column, column])
-        if self.react:
-            mobility *= 4.0  # both joints at once, at the most
+        easy = self._mobility(robot) * (4.0 if self.react else 1.0)  # both joints at once, at most
         steepest = {'rate': 0.0, 'angle': 0.0}
         for name in self.inputs:
             what = quantity(name)[0]
             if what in steepest:
                 steepest[what] = max(steepest[what], self._slope(name))
-        return max(steepest['rate'] * mobility, math.sqrt(steepest['angle'] * mobility))
+        return max(steepest['rate'] * easy, math.sqrt(steepest['angle'] * easy))
+
+    def _mobility(self, robot: Robot) -> float:
+        return mobility(robot, 6 + robot.joints.index(str(self.where)))
 
     def _slope(self, name: str) -> float:
         """Steepest slope by an input, the others at their ends and in the middle."""
@@ -297,10 +295,8 @@ class LearnedHysteresis(LearnedTorque):
 
     def fastest(self, robot: Robot) -> float:
         """Of the joint on its contacts, or of contacts that begin to slide."""
-        column = 6 + robot.joints.index(str(self.where))
-        mobility = float(inverse_mass(robot)[column, column])
         displacement = self.options['displacement']
-        swing = math.sqrt(abs(self.coefficients[0]) * mobility / displacement)
+        swing = math.sqrt(abs(self.coefficients[0]) * self._mobility(robot) / displacement)
         return max(swing, fastest_share(displacement))
 
 

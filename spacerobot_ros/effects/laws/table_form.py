@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy
 
 from ...errors import ConfigurationError
 from ...model.schema import parse_number
@@ -42,18 +43,7 @@ class TableForm:
             np.interp(x, knots, np.arange(len(knots)))
             for x, knots in zip(inputs, self.knots, strict=True)
         ]
-        below = [
-            np.minimum(p.astype(int), len(knots) - 2)
-            for p, knots in zip(places, self.knots, strict=True)
-        ]
-        shares = [p - b for p, b in zip(places, below, strict=True)]
-        if len(places) == 1:
-            (i,), (u,) = below, shares
-            return ((1.0 - u) * self.values[i] + u * self.values[i + 1])[:, None]
-        (i, k), (u, w) = below, shares
-        near = (1.0 - w) * self.values[i, k] + w * self.values[i, k + 1]
-        far = (1.0 - w) * self.values[i + 1, k] + w * self.values[i + 1, k + 1]
-        return np.asarray(((1.0 - u) * near + u * far)[:, None])
+        return np.asarray(scipy.ndimage.map_coordinates(self.values, places, order=1)[:, None])
 
     def entry(self) -> dict[str, Any]:
         """As in a robot file."""

@@ -16,8 +16,6 @@ from .sensor_errors import SensorFault
 class JointSensor(SensorFault, JointEffect):
     """A gain, or an offset of any other name, of one channel of one manipulator joint."""
 
-    group = 'sensor'
-
     def faulty(self, value: Array, motion: Motion) -> Array:
         """The joint's column scaled or shifted."""
         out, column = np.array(value), motion.column(self.where)

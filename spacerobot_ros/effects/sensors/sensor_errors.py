@@ -117,9 +117,7 @@ class GyroMisalignment(GyroFault):
 
     def faulty(self, value: Array, motion: Motion) -> Array:
         """Rates turned."""
-        return np.asarray(
-            value @ scipy.spatial.transform.Rotation.from_rotvec(self.vector()).as_matrix().T
-        )
+        return np.asarray(value @ _turn(self.vector()).as_matrix().T)
 
 
 class AttitudeMisalignment(SensorFault):
@@ -141,10 +139,11 @@ class AttitudeMisalignment(SensorFault):
 
     def faulty(self, value: Array, motion: Motion) -> Array:
         """Small rotations (N, 3) of the attitude, the fault's behind what was there."""
-        turned = scipy.spatial.transform.Rotation.from_rotvec(
-            value
-        ) * scipy.spatial.transform.Rotation.from_rotvec(self.vector())
-        return np.asarray(turned.as_rotvec())
+        return np.asarray((_turn(value) * _turn(self.vector())).as_rotvec())
+
+
+def _turn(rotation_vector: Array) -> scipy.spatial.transform.Rotation:
+    return scipy.spatial.transform.Rotation.from_rotvec(rotation_vector)
 
 
 def _delay(relevant: float) -> tuple[Parameter, ...]:
@@ -165,6 +164,7 @@ class Delay(Effect):
 
     group = 'sensor'
     clock: ClassVar[str]
+    parameters = _delay(1e-4)
 
     def delay(self, clock: str) -> float:
         """The delay, for its own clock."""
@@ -181,7 +181,6 @@ class ImuDelay(Delay):
     clock = 'imu'
     title = 'late gyro'
     needs_free_base = True
-    parameters = _delay(1e-4)
 
 
 class AttitudeDelay(Delay):
@@ -206,7 +205,6 @@ class JointDelay(Delay):
     id = 'joint_delay'
     clock = 'joints'
     title = 'late joint states'
-    parameters = _delay(1e-4)
 
     @classmethod
     def prior(cls, scale: Scale) -> Prior | None:

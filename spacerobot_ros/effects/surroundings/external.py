@@ -9,7 +9,6 @@ alike; an edge of one half is sin^2, the bell of a hand's push.
 from __future__ import annotations
 
 import math
-from typing import ClassVar
 
 import numpy as np
 
@@ -52,7 +51,7 @@ class TransientEffect(Effect):
 
     is_timed = True
     is_fitted = False
-    group: ClassVar[str] = 'events'
+    group = 'events'
 
     def check(self, robot: Robot) -> None:
         """Refuse an end before the start."""
@@ -86,7 +85,6 @@ class ExternalJointTorque(TransientEffect, JointEffect):
 
     id = 'external_joint_torque'
     title = 'a torque from outside on a joint for a while'
-    group = 'events'
     parameters = (*_SPAN, _EDGE, Parameter('torque', 'N m', 30.0, 0.1))
 
     def force(self, motion: Motion, hidden: Array) -> Array:
@@ -111,7 +109,6 @@ class ExternalWrench(TransientEffect, MovingBodyEffect):
 
     id = 'external_wrench'
     title = 'a push on a link'
-    group = 'events'
     is_external = True
     parameters = (
         *_SPAN,
@@ -145,7 +142,6 @@ class AngularImpulse(TransientEffect, External):
 
     id = 'angular_impulse'
     title = 'a step of the angular momentum'
-    group = 'events'
     parameters = (*_SPAN, _EDGE, *xyz('N m s', 1.0, 1e-3))
 
     def force(self, motion: Motion, hidden: Array) -> Array:

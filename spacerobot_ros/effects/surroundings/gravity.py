@@ -58,15 +58,10 @@ class GravityGradient(External):
             return out
         square = self['orbital_rate'] ** 2
         vertical = into_base(motion, self.vector() / length)
-        coms = [
-            motion.link_position(b.name)
-            + np.einsum('nij,j->ni', motion.base_rotation(b.name), b.com)
-            for b in robot.bodies
-        ]
-        masses = [b.mass for b in robot.bodies]
-        middle = sum(m * c for m, c in zip(masses, coms, strict=True)) / sum(masses)
-        for body, com in zip(robot.bodies, coms, strict=True):
-            rho = com - middle
+        centres, masses = motion.centres, [body.mass for body in robot.bodies]
+        middle = np.average(centres, axis=1, weights=masses)
+        for k, body in enumerate(robot.bodies):
+            rho = centres[:, k] - middle
             along = np.sum(vertical * rho, axis=1, keepdims=True)
             pull = square * body.mass * (3.0 * along * vertical - rho)
             rotation = motion.base_rotation(body.name)

@@ -43,15 +43,17 @@ class WheelEffect(Effect):
 
     def on_link(self, motion: Motion, torque: Array, momentum: Array) -> Array:
         """(N, 6 + n) of a torque less omega x a momentum, (N, 3) in the carrying body's frame."""
-        link = motion.robot.bodies[self.wheels(motion.robot).body].name
+        link = self._carrier(motion.robot)
         return motion.wrench(link, None, torque - cross_rows(motion.twist(link)[:, 3:], momentum))
 
     def couple(self, motion: Motion, momentum: Array) -> Array:
         """(N, 6) in base coordinates of a momentum (N, 3) in the carrying body's frame."""
-        link = motion.robot.bodies[self.wheels(motion.robot).body].name
-        out = np.zeros((len(motion), 6))
-        out[:, 3:] = np.einsum('nij,nj->ni', motion.base_rotation(link), momentum)
-        return out
+        R = motion.base_rotation(self._carrier(motion.robot))
+        angular = np.einsum('nij,nj->ni', R, momentum)
+        return np.concatenate([np.zeros_like(angular), angular], axis=1)
+
+    def _carrier(self, robot: Robot) -> str:
+        return robot.bodies[self.wheels(robot).body].name
 
 
 class TargetWheels(WheelEffect):

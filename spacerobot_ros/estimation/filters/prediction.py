@@ -154,12 +154,6 @@ class Innovations:
         """(R,) time of every scalar measurement [s]."""
         return np.repeat(self.time_base.times, np.diff(self.time_base.rows.first))
 
-    @property
-    def row_sensors(self) -> IntArray:
-        """(R,) number of the scalar that each row measures."""
-        rows = self.time_base.rows
-        return np.asarray(rows.channel * (int(np.max(rows.axis)) + 1) + rows.axis)
-
     @cached_property
     def measured(self) -> Array:
         """(R,) measured values; for the attitude the turn since the first sample [rad]."""

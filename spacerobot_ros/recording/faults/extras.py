@@ -31,8 +31,7 @@ def extra_faults(record: Record) -> Iterator[DataFault]:
     if not len(times):
         return
     start, end = float(times[0]), float(times[-1])
-    for name, series in _extras(record):
-        at = series.seconds(record.origin_ns)
+    for name, _, at in _extras(record):
         before, after = max(float(at[0]) - start, 0.0), max(end - float(at[-1]), 0.0)
         if before + after > _OUTSIDE * (end - start):
             message = (
@@ -55,8 +54,7 @@ def bridged_extras(record: Record) -> tuple[str, ...]:
     Longer than four of its periods, which lost samples may leave.
     """
     notes = []
-    for name, series in _extras(record):
-        at = series.seconds(record.origin_ns)
+    for name, _, at in _extras(record):
         steps = np.diff(at)
         if not len(steps) or (worst := float(np.max(steps))) <= SPLIT_PERIODS * np.median(steps):
             continue
@@ -72,8 +70,7 @@ def without_extra_spikes(record: Record) -> Record:
     """The record less samples of such series that stand out, which its notes say."""
     kept: dict[str, InputSeries] = {}
     notes = []
-    for name, series in _extras(record):
-        time = series.seconds(record.origin_ns)
+    for name, series, time in _extras(record):
         bad = spikes(time, series.values) | _alone(series.values[:, 0])
         if bad.any():
             kept[name] = series.at(~bad)
@@ -102,9 +99,8 @@ def _alone(values: Array) -> BoolArray:
     return out
 
 
-def _extras(record: Record) -> Iterator[tuple[str, InputSeries]]:
-    if not len(record.joint_time):
-        return
+def _extras(record: Record) -> Iterator[tuple[str, InputSeries, Array]]:
+    """Name, samples and their times, where there are joints to compare these with."""
     for name, series in record.inputs.items():
-        if name.startswith(EXTRA) and len(series):
-            yield name, series
+        if name.startswith(EXTRA) and len(series) and len(record.joint_time):
+            yield name, series, series.seconds(record.origin_ns)

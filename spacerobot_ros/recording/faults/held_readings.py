@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...types import Array, IntArray
+from ...types import Array, BoolArray, IntArray
 from ..record import Record
 
 _FEWEST = 20  # readings, from which a rate is one
@@ -58,9 +58,7 @@ def first_of_each(values: Array) -> IntArray:
     every = np.arange(len(values))
     if len(values) < 2 or not values.size:
         return every
-    first = np.append(
-        0, 1 + np.flatnonzero(np.any(np.diff(np.nan_to_num(values), axis=0), axis=1))
-    )
+    first = np.append(0, 1 + np.flatnonzero(~_repeated(values)))
     lengths = np.diff(first)[1:]  # the first may have begun before
     if len(lengths) < _FEWEST:
         return every
@@ -69,13 +67,21 @@ def first_of_each(values: Array) -> IntArray:
     return first if usual >= 2.0 and alike >= _ALIKE else every
 
 
+def runs(which: BoolArray) -> list[tuple[int, int]]:
+    """First sample of every run of those that are meant (N,), and the one after it."""
+    edges = np.flatnonzero(np.diff(which.astype(int), prepend=0, append=0)).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def _repeated(values: Array) -> BoolArray:
+    """(N - 1,) whether the next one of samples (N, m) says the same."""
+    return ~np.any(np.diff(np.nan_to_num(values), axis=0), axis=1)
+
+
 def without_stalls(values: Array, position: Array) -> IntArray:
     """(M,) samples of (N, m) values that are new, or stand because their joints (N, n) do."""
-    repeated = ~np.any(np.diff(np.nan_to_num(values), axis=0), axis=1)
-    edges = np.diff(np.concatenate([[False], repeated, [False]]).astype(int))
     is_new = np.ones(len(values), dtype=bool)
-    ends = np.flatnonzero(edges < 0)
-    for first, last in zip(np.flatnonzero(edges > 0), ends, strict=True):
+    for first, last in runs(_repeated(values)):
         if last - first < _STALL or first == 0 or last + 2 >= len(values):
             continue
         beside = np.abs(position[[first, last + 2]] - position[[first - 1, last + 1]])

@@ -83,14 +83,14 @@ def _joint_faults(record: Record) -> Iterator[DataFault]:
     pair = joint_pair(record)
     if pair is None:
         return
-    still, at_rest = (np.ptp(x, axis=0) == 0.0 for x in (record.q, record.qd))
     unlike = _beyond_noise(record, pair)
-    for i in np.flatnonzero(still & unlike):
-        message = 'never changes, its rate does'
-        yield DataFault('constant', f'joint_position/{names[i]}', message)
-    for i in np.flatnonzero(at_rest & unlike):
-        message = 'never changes, its position does'
-        yield DataFault('constant', f'joint_rate/{names[i]}', message)
+    for kind, other, values in (
+        ('position', 'rate', record.q),
+        ('rate', 'position', record.qd),
+    ):
+        for i in np.flatnonzero((np.ptp(values, axis=0) == 0.0) & unlike):
+            message = f'never changes, its {other} does'
+            yield DataFault('constant', f'joint_{kind}/{names[i]}', message)
     yield from _joint_slips(names, pair)
 
 
@@ -150,16 +150,17 @@ def _joint_slips(names: tuple[str, ...], pair: Pair) -> Iterator[DataFault]:
             yield DataFault('exchanged', 'joint_rate', message)
             wrong = [k for k in wrong if k not in (i, j)]
     for i in wrong:
-        factor = _factor(moved[i], integrated[i])
-        if factor is not None:
-            kind, message = 'sign' if factor < 0.0 else 'scale', _FACTORS[factor]
-            place = f'joint_rate/{names[i]}'
-            yield DataFault(kind, place, f'rates against positions are {message}')
+        place = f'joint_rate/{names[i]}'
+        yield from _factor(place, 'positions', moved[i], integrated[i])
 
 
-def _factor(moved: Array, integrated: Array) -> float | None:
-    """The slip of unit or sign that makes the rates fit the motion."""
-    return next((f for f in _FACTORS if agree(moved, integrated / f)), None)
+def _factor(place: str, others: str, moved: Array, integrated: Array) -> tuple[DataFault, ...]:
+    """The slip of unit or sign that makes the rates fit the motion, if there is one."""
+    for factor, words in _FACTORS.items():
+        if agree(moved, integrated / factor):
+            kind = 'sign' if factor < 0.0 else 'scale'
+            return (DataFault(kind, place, f'rates against {others} are {words}'),)
+    return ()
 
 
 def _base_faults(record: Record) -> Iterator[DataFault]:
@@ -167,15 +168,11 @@ def _base_faults(record: Record) -> Iterator[DataFault]:
     pair = base_pair(record)
     if pair is None or not disagree(pair.moved, pair.integrated):
         return
-    dead = tuple(dead_base(record))
-    factor = None if dead else _factor(pair.moved, pair.integrated)
-    if dead:
-        yield from dead
-    elif factor is not None:
-        kind = 'sign' if factor < 0.0 else 'scale'
-        yield DataFault(kind, 'gyro', f'rates against the attitude are {_FACTORS[factor]}')
-    else:
-        yield from itertools.islice(_conventions(record, pair), 1)
+    yield from (
+        tuple(dead_base(record))
+        or _factor('gyro', 'the attitude', pair.moved, pair.integrated)
+        or itertools.islice(_conventions(record, pair), 1)
+    )
 
 
 def _conventions(record: Record, pair: Pair) -> Iterator[DataFault]:

@@ -5,8 +5,9 @@ Stamps may be of another unit, of another clock, or of a clock that was set mean
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import scipy
@@ -42,26 +43,28 @@ class Pair:
 
 def joint_pair(record: Record) -> Pair | None:
     """Positions and rates of the joints; None where there is too little of either."""
+    time, q = record.joint_time, record.q
     if record.qd is None:
         return None
-    windows = _windows(record.joint_time, record.joint_time)
-    if len(windows) < FEWEST_WINDOWS:
-        return None
-    moved = record.q[windows[:, 1]] - record.q[windows[:, 0]]
-    spans = record.joint_time[windows]
-    return Pair(moved, _integrals(record.joint_time, record.qd, spans), windows)
+    return _pair(lambda windows: q[windows[:, 1]] - q[windows[:, 0]], time, time, record.qd)
 
 
 def base_pair(record: Record) -> Pair | None:
     """Attitudes and gyro; None where there is too little of either."""
-    if not len(record.rate_time) or not len(record.attitude_time):
-        return None
-    windows = _windows(record.attitude_time, record.rate_time)
+    moved = partial(turned, record.attitude_xyzw)
+    return _pair(moved, record.attitude_time, record.rate_time, record.omega)
+
+
+def _pair(
+    moved: Callable[[IntArray], Array], seconds: Array, rate_time: Array, rates: Array
+) -> Pair | None:
+    """Motion over windows (K, 2) of samples at some times, and the integral of rates at others."""
+    windows = _windows(seconds, rate_time)
     if len(windows) < FEWEST_WINDOWS:
         return None
-    spans = record.attitude_time[windows]
-    integrated = _integrals(record.rate_time, record.omega, spans)
-    return Pair(turned(record.attitude_xyzw, windows), integrated, windows)
+    sums = integral(rate_time, rates)
+    first, last = (interpolated(ends, rate_time, sums) for ends in seconds[windows].T)
+    return Pair(moved(windows), last - first, windows)
 
 
 def turned(q_xyzw: Array, windows: IntArray, *, in_base: bool = True) -> Array:
@@ -113,13 +116,6 @@ def _windows(seconds: Array, rates: Array) -> IntArray:
     ok &= pauses[np.minimum(before, len(rates) - 1)] == pauses[np.minimum(after, len(rates) - 1)]
     stride = max(1, int(ok.sum()) // MOST_WINDOWS)
     return np.column_stack([first[ok], last[ok]])[::stride]
-
-
-def _integrals(seconds: Array, rates: Array, spans: Array) -> Array:
-    """(K, n) integrals of the rates over time spans (K, 2), by trapezoids."""
-    sums = integral(seconds, rates)
-    first, last = (interpolated(ends, seconds, sums) for ends in spans.T)
-    return last - first
 
 
 def clock_faults(record: Record) -> Iterator[DataFault]:

@@ -13,6 +13,7 @@ import numpy as np
 from ...formats import counted
 from ...types import Array, BoolArray
 from ..record import Record, shown
+from .held_readings import runs
 from .neighbours import NORMAL, bridged, off_neighbours
 from .signals import turns
 
@@ -97,13 +98,6 @@ def _standing_out(time: Array, values: Array, looked_at: BoolArray, limit: float
         noise = NORMAL * float(np.median(np.abs(error[~doubtful])))
         leaves = np.abs(error) > np.maximum(limit, _CLEAR * np.maximum(noise, differ))
         out[near] |= doubtful & leaves
-    return out & ~_in_long_runs(out)
-
-
-def _in_long_runs(bad: BoolArray) -> BoolArray:
-    """(N,) samples in runs of more than `_LONGEST`."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]])))
-    out = np.zeros(len(bad), dtype=bool)
-    for start, end in edges.reshape(-1, 2):
-        out[start:end] = end - start > _LONGEST
+    for start, end in runs(out):
+        out[start:end] = end - start <= _LONGEST
     return out

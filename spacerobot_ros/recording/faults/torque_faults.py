@@ -23,23 +23,9 @@ from ...model.robot_settings import COMPENSATED
 from ...types import Array, BoolArray, IntArray
 from ..integral import interpolated
 from ..record import Record
+from . import thresholds as limits
 from .motion_faults import DEGREES
-from .thresholds import (
-    ALIKE,
-    BESIDE,
-    FEWEST_SAMPLES,
-    GAIN,
-    MOVED,
-    NEARER,
-    ROWS,
-    SELDOM,
-    SLOW,
-    SPAN,
-    SPOILED,
-    TURNED,
-    UNLIKE,
-    DataFault,
-)
+from .thresholds import DataFault
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +84,7 @@ def find_torque_faults(record: Record, robot: Robot) -> tuple[DataFault, ...]:
     if torques is None:
         return ()
     before = torques.unlike(_Slip(DataFault('', '', '')))
-    if np.all(before < UNLIKE):
+    if np.all(before < limits.UNLIKE):
         return ()
     off = None if record.joints is None else record.joints.unpowered
     compensated = () if off is not None and off.all() else _gravity_slips(robot.effort_kinds)
@@ -107,7 +93,7 @@ def find_torque_faults(record: Record, robot: Robot) -> tuple[DataFault, ...]:
     # Of joints that turn little, and one way, friction is like the weight of another direction:
     # a turned base has to be nearer beside friction and bias, too.
     turned = np.array([slip.weight is not None for slip in slips])
-    nearer = shares[:, 1].mean(axis=1) < NEARER * before[1].mean()
+    nearer = shares[:, 1].mean(axis=1) < limits.NEARER * before[1].mean()
     shares[turned & ~nearer] = np.inf
     for way in range(2):
         best = int(np.argmin(shares[:, way].mean(axis=1)))
@@ -118,8 +104,8 @@ def find_torque_faults(record: Record, robot: Robot) -> tuple[DataFault, ...]:
 
 def _explains(before: Array, after: Array) -> bool:
     """Whether a slip mends at least one joint and spoils none; noise is left as it is."""
-    mended = (before > UNLIKE) & (after < np.minimum(ALIKE, before / GAIN))
-    return bool(mended.any() and np.all(after < np.maximum(ALIKE, SPOILED * before)))
+    mended = (before > limits.UNLIKE) & (after < np.minimum(limits.ALIKE, before / limits.GAIN))
+    return bool(mended.any() and np.all(after < np.maximum(limits.ALIKE, limits.SPOILED * before)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,14 +136,14 @@ class _Torques:
             return None
         if record.joints is None or record.joints.in_amperes:  # of any scale
             return None
-        if len(time) < FEWEST_SAMPLES or np.isnan(effort).any():
+        if len(time) < limits.FEWEST_SAMPLES or np.isnan(effort).any():
             return None
         step = float(np.median(np.diff(time)))
         even = np.arange(time[0], time[-1], step)
         span = _span(step)
         if len(even) < 4 * span:
             return None
-        rows = np.linspace(span, len(even) - span - 1, ROWS).astype(int)
+        rows = np.linspace(span, len(even) - span - 1, limits.ROWS).astype(int)
         omega = np.zeros((len(even), 3))
         if robot.is_free:
             omega = interpolated(even, record.rate_time, record.omega)
@@ -208,8 +194,8 @@ class _Torques:
         """
         rate = np.abs(self.motion[1])
         fastest = float(np.sqrt(np.max(np.mean(rate**2, axis=0))))
-        goes = np.mean(rate > min(SLOW, BESIDE * fastest), axis=0)
-        return np.asarray((np.ptp(self.motion[0], axis=0) > MOVED) & (goes > SELDOM))
+        goes = np.mean(rate > min(limits.SLOW, limits.BESIDE * fastest), axis=0)
+        return np.asarray((np.ptp(self.motion[0], axis=0) > limits.MOVED) & (goes > limits.SELDOM))
 
     def turned_base(self) -> Iterator[_Slip]:
         """Gravity along the direction that the efforts want, where that is another one.
@@ -244,7 +230,7 @@ class _Torques:
         if not np.any(gravity):
             return
         gravity *= length / np.linalg.norm(gravity)
-        if gravity @ robot.gravity < length**2 * np.cos(TURNED):
+        if gravity @ robot.gravity < length**2 * np.cos(limits.TURNED):
             words = ', '.join(f'{x:.2f}' for x in gravity)
             message = (
                 f'the weight in them is that of a base that is turned: robot.gravity [{words}]?'
@@ -254,7 +240,7 @@ class _Torques:
 
 def _span(step: float) -> int:
     """Samples that are smoothed together, an odd number."""
-    return 2 * max(2, round(0.5 * SPAN / step)) + 1
+    return 2 * max(2, round(0.5 * limits.SPAN / step)) + 1
 
 
 def smoothed(values: Array, rows: IntArray, span: int, step: float) -> Array:

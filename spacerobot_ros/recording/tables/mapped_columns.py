@@ -80,10 +80,12 @@ class ColumnReader:
         """(N, 1) numbers of the rows, unless a column is called so."""
         if _ROW in self.table.columns:
             return self.table.numbers(_ROW)
-        note = 'times are those of a fixed rate, by the number of the row'
+        self._note('times are those of a fixed rate, by the number of the row')
+        return np.arange(float(rows))[:, None]
+
+    def _note(self, note: str) -> None:
         if note not in self.notes:
             self.notes.append(note)
-        return np.arange(float(rows))[:, None]
 
     def sampled(
         self,
@@ -102,11 +104,9 @@ class ColumnReader:
             seconds = continued(seconds)
         for key, values in parts.items():
             if len(values) != len(seconds):
-                raise RecordingError(
-                    f'{place}: {key}',
-                    f'{counted(len(values), "sample")}, but '
-                    f'{counted(len(seconds), "sample time")}',
-                )
+                times = counted(len(seconds), 'sample time')
+                why = f'{counted(len(values), "sample")}, but {times}'
+                raise RecordingError(f'{place}: {key}', why)
         missing = np.hstack([_missing(values, key in may_lack) for key, values in parts.items()])
         empty = np.asarray(missing.all(axis=1))
         _refuse(table, missing.any(axis=1) & ~empty, f'{place}: some of its columns are empty')
@@ -125,23 +125,19 @@ class ColumnReader:
         counter = self.mapping.sample_index
         if counter is None:
             apart = parted(seconds)
-            twice = np.count_nonzero(apart != seconds)
-            note = (
-                f'{counted(int(twice), "stamp")} the same as the one before: spread up to the next'
-            )
-            if twice and note not in self.notes:
-                self.notes.append(note)
+            if twice := int(np.count_nonzero(apart != seconds)):
+                before = f'{counted(twice, "stamp")} the same as the one before'
+                self._note(f'{before}: spread up to the next')
             return kept, apart
         index = self.values(counter, [''])[kept, 0]
         _refuse(self.table, np.isnan(index), f'{counter.place}: is empty', kept)
         order, mended = rebuilt(seconds, index, lambda i: self.table.row(int(kept[i])))
         change = np.abs(mended - seconds[order])
-        note = (
-            f'{counter.place}: {np.count_nonzero(change)} of {len(kept)} stamps rebuilt, the '
-            f'largest change {shown(float(np.max(change)))}'
-        )
-        if change.any() and note not in self.notes:
-            self.notes.append(note)
+        if change.any():
+            self._note(
+                f'{counter.place}: {np.count_nonzero(change)} of {len(kept)} stamps rebuilt, the '
+                f'largest change {shown(float(np.max(change)))}'
+            )
         return kept[order], mended
 
 

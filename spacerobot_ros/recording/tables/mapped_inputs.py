@@ -11,7 +11,8 @@ here: columns that never change, thrusters that the robot does not have, command
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -61,8 +62,7 @@ def check_kinds(place: str, robot: Robot | None, columns: Iterable[tuple[str, st
             )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MappedEfforts:
+class MappedEfforts(NamedTuple):
     """Efforts of k joints in the order of a mapping.
 
     Args:
@@ -75,17 +75,6 @@ class MappedEfforts:
     parts: dict[str, Array]
     passive: BoolArray
     in_amperes: BoolArray
-
-    def of(self, order: Sequence[int]) -> MappedEfforts:
-        """The same in another order of the joints; the parts are left out."""
-        return MappedEfforts({}, self.passive[order], self.in_amperes[order])
-
-    def unpowered(self, enabled: Array | None, rows: int) -> BoolArray | None:
-        """(rows, k) where the torque is zero by what the samples of `enabled` say; None: never."""
-        off = np.tile(self.passive, (rows, 1))
-        if enabled is not None:
-            off |= enabled == 0.0
-        return off if off.any() else None
 
 
 def read_efforts(
@@ -162,11 +151,9 @@ def read_inputs(
         units = (str(spread(section.unit or ('',), 1, f'{section.place}.unit')[0]),)
         out[f'{EXTRA}{name}'] = replace(found, units=units)
     if mapping.thrusters is not None:
-        section = mapping.thrusters
-        commands = series_of(
-            reader, section.command, section.time, section.names, ('',) * len(section.names)
-        )
-        out['thrusters'] = commands
+        section, names = mapping.thrusters, mapping.thrusters.names
+        shares = ('',) * len(names)
+        out['thrusters'] = series_of(reader, section.command, section.time, names, shares)
     return out
 
 

@@ -7,8 +7,8 @@ part is refused, and so is a clock that does not go forward.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -114,29 +114,24 @@ class _Reader(ColumnReader):
             if columns is not None:
                 quantities = [sliding if s else turning for s in slides]
                 parts[key] = self.values(columns, quantities)
-        efforts = None
+        passive = in_amperes = np.zeros(len(names), dtype=bool)
         if section.effort is not None:
             quantities = [FORCE if s else TORQUE for s in slides]
-            efforts = read_efforts(self, section.effort, quantities, names, robot)
-            parts |= efforts.parts
+            efforts, passive, in_amperes = read_efforts(
+                self, section.effort, quantities, names, robot
+            )
+            parts |= efforts
         stamps, arrays = self.sampled(section.place, section.time, parts, may_lack)
-        zero = np.zeros((len(stamps), len(names)))  # of a wheel without an encoder
-        given = [arrays.get(key) for key in ('velocity', 'effort', 'enabled')]
-        rates, effort, enabled = (None if c is None else c[:, order] for c in given)
-        series = JointSeries(
+        samples: dict[str, Any] = {key: values[:, order] for key, values in arrays.items()}
+        off = np.tile(passive[order], (len(stamps), 1))
+        off |= samples.pop('enabled', np.ones_like(off)) == 0.0
+        samples.setdefault('position', np.zeros(off.shape))  # of a wheel without an encoder
+        return JointSeries(
             tuple(names[i] for i in order),
             stamps,
-            arrays.get('position', zero)[:, order],
-            rates,
-            effort,
-        )
-        if efforts is None:
-            return series
-        ordered = efforts.of(order)
-        return replace(
-            series,
-            unpowered=ordered.unpowered(enabled, len(stamps)),
-            in_amperes=tuple(np.array(series.names)[ordered.in_amperes].tolist()),
+            **samples,
+            unpowered=off if off.any() else None,
+            in_amperes=tuple(names[i] for i in order if in_amperes[i]),
         )
 
     def rates(self, section: MappedColumns, time: MappedColumns | None) -> RateSeries:

@@ -23,7 +23,7 @@ QUATERNION_ORDERS = ('xyzw', 'wxyz')
 HEADERS = ('names', 'none')
 ORDERS = (*QUATERNION_ORDERS, 'rpy', 'yaw')  # angles about fixed axes x, y, z, or about z alone
 DIRECTIONS = ('base_to_inertial', 'inertial_to_base')
-Named = tuple[tuple[str, Any], ...]
+ByName = tuple[tuple[str, Any], ...]
 
 
 def _map(value: Any, place: str) -> dict[str, Any]:
@@ -275,9 +275,9 @@ class ColumnMapping:
     delimiter: str = entry(_delimiter, ',')
     header: str = param('names', choices=HEADERS)
     rows: str = param('')
-    select: Named = entry(_named(lambda value, _: value), ())
-    twos_complement: Named = entry(_named(_one_of(8, 16, 32)), ())
-    derived: Named = entry(_named(_terms), ())
+    select: ByName = entry(_named(lambda value, _: value), ())
+    twos_complement: ByName = entry(_named(_one_of(8, 16, 32)), ())
+    derived: ByName = entry(_named(_terms), ())
     time: MappedColumns | None = entry(_COLUMNS, None)
     joints: JointColumns | None = entry(_section(JointColumns, 'position'), None)
     gyro: GyroColumns | None = entry(_section(GyroColumns), None)
@@ -287,7 +287,7 @@ class ColumnMapping:
     base_wrench: InputColumns | None = entry(_section(InputColumns), None)
     magnetic_field: InputColumns | None = entry(_section(InputColumns), None)
     base_position: InputColumns | None = entry(_section(InputColumns), None)
-    extra: Named = entry(_named(_section(InputColumns)), ())
+    extra: ByName = entry(_named(_section(InputColumns)), ())
     sample_index: InputColumns | None = entry(_section(InputColumns), None)
     place: str = param('')
 

@@ -24,7 +24,6 @@ from ...types import Array
 from ..npz import read_arrays
 
 FORMATS = ('csv', 'npz', 'json')
-_NUMBER = (int, float)
 _COMPRESSED = '.gz'
 
 
@@ -176,12 +175,9 @@ def read_table(
     Raises:
         RecordingError: not readable, not of that format, or without a sample.
     """
-    readers = {
-        'csv': lambda: _read_csv(path, delimiter, header),
-        'npz': lambda: SampleTable(str(path), read_arrays(path), 'row'),
-        'json': lambda: _read_json(path, rows),
-    }
-    return readers[kind]()
+    if kind == 'csv':
+        return _read_csv(path, delimiter, header)
+    return _read_json(path, rows) if kind == 'json' else SampleTable(str(path), read_arrays(path))
 
 
 def _read_text(path: Path) -> str:
@@ -304,9 +300,6 @@ def _json_table(path: Path, content: Mapping[str, Any]) -> SampleTable:
 
 
 def _is_matrix(values: list[Any]) -> bool:
-    widths = {len(row) if isinstance(row, list) else -1 for row in values}
-    return (
-        len(widths) == 1
-        and -1 not in widths
-        and all(isinstance(cell, _NUMBER) for row in values for cell in row)
-    )
+    if not all(isinstance(row, list) for row in values) or len({len(row) for row in values}) != 1:
+        return False
+    return all(isinstance(cell, int | float) for row in values for cell in row)

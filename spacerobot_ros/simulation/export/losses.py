@@ -85,11 +85,3 @@ def sensor_limits(robot: Robot, beside: str = '') -> Iterator[str]:
     for name, value in asdict(robot.sensors).items():
         if value != plain[name] and not (beside and name.endswith(beside)):
             yield f'sensors.{name} ({value})'
-
-
-def wheels(robot: Robot) -> Iterator[str]:
-    """Wheel momentum that a format without wheels can not say."""
-    for gyrostat in robot.gyrostats:
-        if gyrostat.momentum.any():
-            x, y, z = gyrostat.momentum
-            yield f'wheel momentum of {gyrostat.link} ({x:.6g}, {y:.6g}, {z:.6g} N m s)'

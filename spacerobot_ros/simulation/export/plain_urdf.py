@@ -14,7 +14,6 @@ from .losses import (
     in_words,
     only_changes_robot,
     sensor_limits,
-    wheels,
     with_rigid_bodies,
     without,
 )
@@ -58,7 +57,10 @@ def _add(root: ElementTree.Element, effect: Effect) -> bool:
 
 
 def _of_robot(robot: Robot) -> Iterator[str]:
-    yield from wheels(robot)
+    for gyrostat in robot.gyrostats:
+        if gyrostat.momentum.any():
+            x, y, z = gyrostat.momentum
+            yield f'wheel momentum of {gyrostat.link} ({x:.6g}, {y:.6g}, {z:.6g} N m s)'
     for joint, body in zip(robot.joints, robot.bodies[1:], strict=True):
         if body.motor_inertia:
             yield f'motor inertia of {joint} ({body.motor_inertia:.6g} kg m^2)'

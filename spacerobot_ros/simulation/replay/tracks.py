@@ -188,9 +188,6 @@ def _base(record: Record, robot: Robot, time: Array) -> tuple[Array, Array]:
 def _centred(robot: Robot, track: RobotTrack) -> Array:
     """(N, 3) base origin where the centre of mass rests at the inertial origin."""
     still = np.zeros_like(track.q)
-    kinematics = Motion(robot, track.time, track.q, still, still).kinematics
-    mass = robot.inertial_parameters[:, 0]
-    com = np.array([body.com for body in robot.bodies])
-    places = kinematics.origins + np.einsum('nbij,bj->nbi', kinematics.rotations, com)
-    centre = np.einsum('b,nbi->ni', mass, places) / mass.sum()
+    centres = Motion(robot, track.time, track.q, still, still).centres
+    centre = np.average(centres, axis=1, weights=robot.inertial_parameters[:, 0])
     return -np.asarray(Rotation.from_quat(track.attitude_xyzw).apply(centre))

@@ -12,11 +12,11 @@ import servicer
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.integrate import DOP853, RK4, Tableau
 from spacerobot_ros.dynamics.rotation import rotation_matrix
-from spacerobot_ros.dynamics.smooth_motion import simulate_smooth
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.simulation.plant import Plant
+from validation.smooth_motion import simulate_smooth
 
 PACKAGE = Path(__file__).resolve().parents[3] / 'package.xml'
 VERSION = ElementTree.parse(PACKAGE).findtext('version')

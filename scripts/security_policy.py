@@ -1,6 +1,6 @@
 """Access policies of SROS 2 with the least that each node needs, read off the nodes themselves.
 
-    python -m spacerobot_ros.nodes.security_policy > config/security/policy.xml
+    python scripts/security_policy.py > config/security/policy.xml
     ros2 security generate_artifacts -k keystore -p config/security/policy.xml
 
 Each node has an enclave of its name. Nodes are made with several settings, because some topics
@@ -15,10 +15,10 @@ from collections.abc import Callable
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from ..effects.robot_file import load_robot_file
-from ..model.loader import package_folder
-from ..ros.session import Session
-from .program import NODES, node_class
+from spacerobot_ros.effects.robot_file import load_robot_file
+from spacerobot_ros.model.loader import package_folder
+from spacerobot_ros.nodes.program import NODES, node_class
+from spacerobot_ros.ros.session import Session
 
 _ACTION = '/_action/'
 _KINDS = (

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from scipy.integrate import DOP853 as SCIPY
 
-from ..errors import SimulationDivergedError
-from ..types import Array
-from .compiling import compiled
-from .equations import Dynamics
-from .integrate import DOP853, stages
+from spacerobot_ros.dynamics.compiling import compiled
+from spacerobot_ros.dynamics.equations import Dynamics
+from spacerobot_ros.dynamics.integrate import DOP853, stages
+from spacerobot_ros.errors import SimulationDivergedError
+from spacerobot_ros.types import Array
 
 TorqueOf = Callable[[float, Array], Array]
 
