@@ -10,7 +10,6 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...effects.laws.learned_torque import LearnedTorque, law_at
-from ...effects.prior import NOTHING
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.arm_rows_about import about_loads
 from ...estimation.columns import Candidate
@@ -24,6 +23,7 @@ from .arm_channels import ArmMotions
 from .possible_laws import Law
 
 _SIZE = 3.0  # times the torque that is missed: a law's plausible torque
+_HELD = 1e-6  # of a size: what stays at nothing however sharp the data are
 _SAME = 1e-6
 """Of a term's square that causes leave where it is one of theirs: rounding leaves 1e-30 of a sign
 beside dry friction, Dahl's friction 4e-3 beside one of another displacement, which is more."""
@@ -124,7 +124,7 @@ def with_laws(
 
     rows = rows_with(laws)
     own = [
-        replace(law, sizes=np.where(_is_of(rows, i, causes), NOTHING, 1.0) * law.sizes)
+        replace(law, sizes=np.where(_is_of(rows, i, causes), _HELD, 1.0) * law.sizes)
         for i, law in zip(numbers, laws, strict=True)
     ]
     rows = rows_with(own)
