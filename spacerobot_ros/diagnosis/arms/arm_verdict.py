@@ -11,10 +11,11 @@ import numpy as np
 from ...effects.effect import Effect
 from ...effects.prior import RUN_TO_RUN
 from ...estimation.balance.arm_priors import torque_tolerance
+from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.balance import Balance, own_noise_in_band, rms
 from ...inference.decisive import IMPLAUSIBLE
 from ...model.robot import Robot
-from ...types import Array, BoolArray
+from ...types import Array, BoolArray, IntArray
 from ..answer.cause import Cause
 from ..answer.result import Leftover
 from ..answer.words import at, cause_in_words, first_few
@@ -164,8 +165,29 @@ def _usual(found: ArmFound) -> Array:
     gain = torque_tolerance(found.robot) * rows.scale
     noise = np.sqrt(np.mean([own_noise_in_band(b) ** 2 for b in found.extended], axis=0))
     scale = FULL_SCALE * full_scale(found.robot, found.extended)
-    parts = (rows.torque_of(deviations), gain, LIKE_NOISE * noise, scale)
+    parts = (_torque_of(rows, deviations), gain, LIKE_NOISE * noise, scale)
     return np.asarray(np.linalg.norm(parts, axis=0))
+
+
+def _torque_of(rows: ArmRows, deviations: Array) -> Array:
+    """(n,) standard deviation of the torques of coefficients (K,) like these [N m].
+
+    What bodies are off by goes together as their spikes say. Root mean square over the rows where
+    a joint moves; NaN of one that never does.
+    """
+    deviations, roots = deviations.copy(), list[tuple[IntArray, Array]]()
+    for candidate, at in zip(rows.candidates, rows.places, strict=True):
+        if candidate.prior is not None and candidate.prior.spike.ndim > 1:
+            values, vectors = np.linalg.eigh(candidate.prior.spike)
+            roots.append((at, vectors * np.sqrt(np.maximum(values, 0.0))))
+            deviations[at] = 0.0
+    out = []
+    for own in rows.joints[: rows.robot.n_joints]:
+        power = np.sum((own.columns * deviations) ** 2, axis=1)
+        for at, root in roots:
+            power += np.sum((own.columns[:, at] @ root) ** 2, axis=1)
+        out.append(math.sqrt(np.mean(power)) if len(power) else math.nan)
+    return np.array(out)
 
 
 def full_scale(robot: Robot, balances: Sequence[Balance]) -> Array:

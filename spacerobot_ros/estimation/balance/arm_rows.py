@@ -321,15 +321,6 @@ class ArmRows:
         """
         return [self.joint(k) for k in range(2 * self.robot.n_joints)]
 
-    def torque_of(self, deviations: Array) -> Array:
-        """(n,) standard deviation of the torques of coefficients (K,) like these [N m].
-
-        Root mean square over the rows where a joint moves; NaN of one that never does.
-        """
-        own = self.joints[: self.robot.n_joints]
-        power = [np.sum((rows.columns * deviations) ** 2, axis=1) for rows in own]
-        return np.array([math.sqrt(np.mean(p)) if len(p) else math.nan for p in power])
-
     def parts(self, levels: Sequence[Array], weights: Array | None = None) -> list[Gram]:
         """Gram matrices of every block.
 
