@@ -176,16 +176,16 @@ def _torque_of(rows: ArmRows, deviations: Array) -> Array:
     a joint moves; NaN of one that never does.
     """
     deviations, roots = deviations.copy(), list[tuple[IntArray, Array]]()
-    for candidate, at in zip(rows.candidates, rows.places, strict=True):
+    for candidate, own in zip(rows.candidates, rows.places, strict=True):
         if candidate.prior is not None and candidate.prior.spike.ndim > 1:
             values, vectors = np.linalg.eigh(candidate.prior.spike)
-            roots.append((at, vectors * np.sqrt(np.maximum(values, 0.0))))
-            deviations[at] = 0.0
+            roots.append((own, vectors * np.sqrt(np.maximum(values, 0.0))))
+            deviations[own] = 0.0
     out = []
-    for own in rows.joints[: rows.robot.n_joints]:
-        power = np.sum((own.columns * deviations) ** 2, axis=1)
-        for at, root in roots:
-            power += np.sum((own.columns[:, at] @ root) ** 2, axis=1)
+    for joint in rows.joints[: rows.robot.n_joints]:
+        power = np.sum((joint.columns * deviations) ** 2, axis=1)
+        for own, root in roots:
+            power += np.sum((joint.columns[:, own] @ root) ** 2, axis=1)
         out.append(math.sqrt(np.mean(power)) if len(power) else math.nan)
     return np.array(out)
 
