@@ -66,7 +66,6 @@ class BodyScale:
         length: Longest distance from one joint to the next [m].
         is_last: Whether nothing hangs on it.
         is_lone: Whether it is all that moves.
-        is_passive: Whether its joint has no motor.
     """
 
     row: Array
@@ -75,7 +74,6 @@ class BodyScale:
     length: float
     is_last: bool
     is_lone: bool
-    is_passive: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -38,7 +38,6 @@ LINK = BodyScale(
     length=0.5,
     is_last=False,
     is_lone=False,
-    is_passive=False,
 )
 
 

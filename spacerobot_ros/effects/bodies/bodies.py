@@ -98,10 +98,9 @@ class InertialParameters(MovingBodyEffect):
         arm = max(float(np.linalg.norm(centre)), gyration, _SHORT * body.length)
         heavy, spread = _WRONG * mass, arm / math.sqrt(3.0)
         extent = spread
-        if body.is_lone and body.is_passive:  # a place across is the zero of its encoder
+        if body.is_lone:  # a place across is the zero of its encoder
             spread = NOTHING * arm
-        elif body.is_last:  # of a lone motor's own it is a rotor's inertia, a scale of torques
-            heavy, spread = (0.0, 0.0) if body.is_lone else (heavy, spread)
+        elif body.is_last:
             heavy, spread = max(_LOAD * body.whole, heavy), max(_REACH * body.length, spread)
             extent = spread
         slab = random_solid(heavy, centre, spread, extent)

@@ -169,7 +169,6 @@ class Machine:
             length=self.length,
             is_last=is_last,
             is_lone=robot.n_joints == 1,
-            is_passive=bool(robot.passive_joints),
         )
 
     def _rms(self, every: Sequence[Array], state: str = '') -> Array:
