@@ -10,7 +10,7 @@ unexport PYTHONDONTWRITEBYTECODE # else every start compiles what was edited sin
 .PHONY: help setup demo test docs lint fmt check reproduce replay fuzz build msgs lock clean
 
 help:  ## list the targets
-	@awk -F ':.*## ' '/^[a-z][a-z-]*:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z][a-z-]*:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
 
 setup:  ## .venv from locked requirements, messages and package built; nothing when current
 	@scripts/set_up.sh
