@@ -48,7 +48,7 @@ replay: setup  ## what changed of the answers to 130 recordings, in words; QUICK
 	@$(ENTER) python -m validation.replay $(if $(QUICK),--quick) $(ARGS)
 
 fuzz: setup  ## readers against inputs guided by coverage; ARGS='robot_file -max_total_time=60'; needs atheris
-	@$(ENTER) cd fuzz && python fuzz.py $(ARGS)
+	@$(ENTER) cd fuzz && PYTHONPATH=$(CURDIR):$$PYTHONPATH python fuzz.py $(ARGS)
 
 build:  ## build messages and package again with colcon, changed or not
 	@scripts/set_up.sh --rebuild
