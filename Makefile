@@ -10,7 +10,7 @@ unexport PYTHONDONTWRITEBYTECODE # else every start compiles what was edited sin
 .PHONY: help setup demo test docs lint fmt check reproduce replay fuzz build msgs lock clean
 
 help:  ## list the targets
-	@awk -F ':.*## ' '/^[a-z][a-z-]*:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z][a-z-]*:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
 
 setup:  ## .venv from locked requirements, messages and package built; nothing when current
 	@scripts/set_up.sh
@@ -48,7 +48,7 @@ replay: setup  ## what changed of the answers to 130 recordings, in words; QUICK
 	@$(ENTER) python -m validation.replay $(if $(QUICK),--quick) $(ARGS)
 
 fuzz: setup  ## readers against inputs guided by coverage; ARGS='robot_file -max_total_time=60'; needs atheris
-	@$(ENTER) cd fuzz && python fuzz.py $(ARGS)
+	@$(ENTER) cd fuzz && PYTHONPATH=$(CURDIR):$$PYTHONPATH python fuzz.py $(ARGS)
 
 build:  ## build messages and package again with colcon, changed or not
 	@scripts/set_up.sh --rebuild

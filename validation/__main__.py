@@ -1,4 +1,4 @@
-"""Experiments, campaigns and benchmarks: `python -m validation NAME`.
+"""`python -m validation NAME`: experiments, campaigns and benchmarks
 
 Every figure stands beside the one that is published or wanted. A campaign writes
 OUT/report.html and OUT/results.json; most write their tables as Markdown, too, and go on where
@@ -9,7 +9,7 @@ they stopped.
 programs with options of their own, shown by `python -m validation NAME --help`:
 {programs}
 
-Examples:
+examples:
   python -m validation wheel-momentum --quick
   python -m validation coverage --runs 200 --out out/coverage
   python -m validation diagnosis --only left_out --jobs 2 --out out/left-out
@@ -21,7 +21,6 @@ exit status: 0 every figure is reached, 1 some are not (they are listed), 2 unus
 
 from __future__ import annotations
 
-import argparse
 import math
 import os
 import re
@@ -30,9 +29,12 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
-from spacerobot_ros.batch.workers import Workers
+import click
+
+from spacerobot_ros.cli import options as opt
+from spacerobot_ros.cli.main import settled
 from spacerobot_ros.cli.terminal import print_json, print_sections, progress
 from spacerobot_ros.display import (
     KeyFigure,
@@ -41,8 +43,7 @@ from spacerobot_ros.display import (
     Section,
     table_of,
 )
-from spacerobot_ros.errors import ConfigurationError, SpaceRobotError
-from spacerobot_ros.interrupts import interruptible
+from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.json_values import json_text
 from spacerobot_ros.model.files import write_text
 from spacerobot_ros.report.html import write_report
@@ -71,16 +72,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if argv is None else list(argv)
     if words and words[0] in PROGRAMS:
         _program(*words)
-    args = _parser().parse_args(words)
-    try:
-        with interruptible():
-            return run(CAMPAIGNS[args.name], args)
-    except SpaceRobotError as error:
-        print(f'validation: {error}', file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print('validation: interrupted', file=sys.stderr)
-        return 130
+    return settled('validation', lambda words: opt.invoked(run, 'validation', words), words)
 
 
 def _program(name: str, *words: str) -> NoReturn:
@@ -93,51 +85,38 @@ def _program(name: str, *words: str) -> NoReturn:
     os.execve(sys.executable, [sys.executable, *begin, *words], {**os.environ, 'PYTHONPATH': path})
 
 
-def _parser() -> argparse.ArgumentParser:
+def _about() -> str:
     described = (f'{c.name}: {c.help}'.replace('\n', '\n  ') for c in CAMPAIGNS.values())
     programs = '\n'.join(f'  {name:<22}{what}' for name, what in PROGRAMS.items())
-    parser = argparse.ArgumentParser(
-        prog='python -m validation',
-        description=__doc__.format(campaigns='\n\n'.join(described), programs=programs),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    add = parser.add_argument
-    add('name', metavar='NAME', choices=(*CAMPAIGNS, *PROGRAMS), help='one of those above')
-    add('--runs', type=_count, metavar='N', help='2 or more; what it counts depends on NAME')
-    add('--quick', action='store_true', help='a fifth of the work or less')
-    add('--only', default='', metavar='TEXT', help='trials whose key holds this')
-    add('--minutes', type=float, default=math.inf, help='begin nothing new after that time')
-    add('--jobs', type=int, default=len(os.sched_getaffinity(0)), help='processes')
-    add('--scheduler', default='', help='address of a Dask cluster that exists')
-    add('--out', default='', metavar='DIR', help='default: out/NAME')
-    add('--json', action='store_true', help='print JSON, and nothing else')
-    return parser
+    return str(__doc__).format(campaigns='\n\n'.join(described), programs=programs)
 
 
-def _count(text: str) -> int:
-    value = int(text)
-    if value < 2:
-        raise argparse.ArgumentTypeError(f'{text} must be 2 or above')
-    return value
-
-
-def run(campaign: Campaign, args: argparse.Namespace) -> int:
+@opt.command(_about())
+@click.argument('name', metavar='NAME', type=click.Choice([*CAMPAIGNS]))
+@opt.count('--runs', 'what it counts depends on NAME', 2)
+@opt.switch('--quick', help='a fifth of the work or less')
+@opt.option('--only', default='', metavar='TEXT', help='trials whose key holds this')
+@opt.positive('--minutes', metavar='M', help='begin nothing new after that time')
+@opt.path('--out', metavar='DIR', help='folder to write (default: out/NAME)')
+@opt.as_json
+@opt.workers
+def run(
+    name: str, runs: int | None, quick: bool, only: str, minutes: float | None, out: str | None,
+    as_json: bool, **who: Any,
+) -> int:  # fmt: skip
     """Run a campaign, write its page and print it; 0 where every figure is reached."""
-    started = time.monotonic()
-    folder = Path(args.out or f'out/{campaign.name}')
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigurationError('--out', f'{folder}: {error.strerror}') from error
+    started, campaign = time.monotonic(), CAMPAIGNS[name]
+    folder = opt.check_folder(out or f'out/{name}')
+    folder.mkdir(parents=True, exist_ok=True)
     experiment = campaign.load()
-    runs = args.runs or (campaign.quick_runs if args.quick else campaign.runs)
-    keys = [key for key in experiment.trials(runs, args.quick) if args.only in key]
-    if args.only and not keys:
-        raise ConfigurationError('--only', f'no trial of {campaign.name} has {args.only!r} in it')
-    workers = Workers(number=args.jobs if args.jobs > 1 else 0, scheduler=args.scheduler)
-    minutes = args.minutes if campaign.is_kept else math.inf  # others are judged as a whole
+    runs = runs or (campaign.quick_runs if quick else campaign.runs)
+    keys = [key for key in experiment.trials(runs, quick) if only in key]
+    if only and not keys:
+        raise ConfigurationError('--only', f'no trial of {name} has {only!r} in it')
+    workers = opt.workers_of(isolated=False, **who)
+    limit = (campaign.is_kept and minutes) or math.inf  # others are judged as a whole
     with progress() as stage:
-        found = finish(campaign, keys, folder, workers, stage('running', len(keys)), minutes)
+        found = finish(campaign, keys, folder, workers, stage('running', len(keys)), limit)
     results = experiment.results(found.records)
     checks, tables = campaign.judge(results), campaign.tables(results)
     data = {
@@ -151,7 +130,7 @@ def run(campaign: Campaign, args: argparse.Namespace) -> int:
     shown = [_asked(campaign, checks), *campaign.drawings(found.records, results), *sections]
     page = write_report(Report(campaign.title, campaign.subtitle, shown), folder / 'report.html')
     missed = [check for check in checks if not check.is_met]
-    if args.json:
+    if as_json:
         print_json(data)
     else:
         said = [f'{len(checks) - len(missed)} of {len(checks)} figures are reached']

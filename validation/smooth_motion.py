@@ -59,7 +59,7 @@ def simulate_smooth(
 
 
 class _Motion(SCIPY):  # type: ignore[misc]  # SciPy has no types
-    """SciPy's solver, its step over compiled stages: twice as fast (docs/decisions.md, 20)."""
+    """SciPy's solver, its step over compiled stages: twice as fast (docs/decisions.md, 21)."""
 
     t: float
     y: Array

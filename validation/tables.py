@@ -104,9 +104,7 @@ def checks_of(name: str, results: Mapping[str, Any]) -> Iterator[Check]:
         listed = (line.split(' | ') for line in entry['figures'].splitlines())
         wanted = [[*own, '', ''][:6] for own in listed]
         for row in _rows(_at(seen, entry['rows']) if 'rows' in entry else [seen]):
-            for what, where, low, high, unit, given in (
-                own + ['', ''][len(own) - 4 :] for own in wanted
-            ):
+            for what, where, low, high, unit, given in wanted:
                 value = _at(row, where)
                 value = value.value if isinstance(value, Share) else value
                 if value is not None and not np.isnan(value) and (not given or _at(row, given)):

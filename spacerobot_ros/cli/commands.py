@@ -22,9 +22,8 @@ from collections.abc import Sequence
 import click
 
 from .. import __version__
-from ..errors import SpaceRobotError
 from .completion import VARIABLE
-from .options import command
+from .options import command, invoked
 
 COMMANDS = (
     *('demo', 'simulate', 'identify', 'check', 'show', 'diagnose', 'compare'),
@@ -77,11 +76,4 @@ def run(words: Sequence[str]) -> int:
         from click.shell_completion import shell_complete
 
         return shell_complete(spacerobot, {}, 'spacerobot', VARIABLE, instruction)
-    try:  # unlike its `main`, which prints errors and a line at Ctrl-C
-        with spacerobot.make_context('spacerobot', list(words)) as context:
-            return int(spacerobot.invoke(context))
-    except click.exceptions.Exit as done:
-        return done.exit_code
-    except click.UsageError as error:
-        program = ' '.join(['spacerobot', *(word for word in words[:1] if word in COMMANDS)])
-        raise SpaceRobotError(f'{error.format_message()} ({program} --help says more)') from error
+    return invoked(spacerobot, 'spacerobot', words)

@@ -8,7 +8,7 @@ import shlex
 import sys
 import tempfile
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,12 +27,26 @@ def main(argv: Sequence[str] | None = None) -> int:
         Exit status: 0 done, 1 done but the answer is no (see each sub-command), 2 input that
         can't be used, 3 a fault of ours, 130 interrupted, 141 the reader of the output went away.
     """
-    words = sys.argv[1:] if argv is None else list(argv)
+
+    def command(words: Sequence[str]) -> int:
+        from .commands import run
+
+        return run(words)
+
+    return settled('spacerobot', command, sys.argv[1:] if argv is None else argv)
+
+
+def settled(program: str, run: Callable[[Sequence[str]], int], words: Sequence[str]) -> int:
+    """Exit status of a program, whatever becomes of it; an error is one line on stderr.
+
+    Args:
+        program: Its name.
+        run: Does what words say, and returns its status.
+        words: Its arguments.
+    """
     asked = next((word for word in words if not word.startswith('-')), '')
     try:
         with interruptible():
-            from .commands import run
-
             status = run(words)
         sys.stdout.flush()
         return status
@@ -44,8 +58,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 141
     except Exception as error:  # noqa: BLE001  whatever nobody foresaw is a fault of ours
         why = _unusable(error, words)
-        status, why = (2, why) if why else (3, _fault(error, words))
-    print(f'{f"spacerobot {asked}".strip()}: {" ".join(why.split())}', file=sys.stderr)
+        status, why = (2, why) if why else (3, _fault(error, [program, *words]))
+    print(f'{f"{program} {asked}".strip()}: {" ".join(why.split())}', file=sys.stderr)
     return status
 
 
@@ -73,7 +87,7 @@ def _is_given(path: Any, words: Sequence[str]) -> bool:
 def _fault(error: Exception, words: Sequence[str]) -> str:
     """What to send about a fault of ours; the traceback goes to a file."""
     trace = ''.join(traceback.format_exception(error))
-    about = f'spacerobot {__version__}, Python {sys.version}\nspacerobot {shlex.join(words)}'
+    about = f'spacerobot {__version__}, Python {sys.version}\n{shlex.join(words)}'
     try:
         number, sent = tempfile.mkstemp('.txt', 'spacerobot-fault-')
         with open(number, 'w', encoding='utf-8') as file:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, SpaceRobotError
 
 if TYPE_CHECKING:
     from ..batch.workers import Workers
@@ -36,7 +36,11 @@ class _Command(click.Command):
             elif option and words[-1] != option:
                 words.append(option)
             words.append(word)
-        return super().parse_args(ctx, words)
+        try:
+            return super().parse_args(ctx, words)
+        except click.UsageError as error:
+            error.ctx = ctx  # of a missing value it does not say whose
+            raise
 
 
 def _positive(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
@@ -65,6 +69,25 @@ def command(
     )
     listed = summary.partition(': ')[2]
     return make(short_help=listed, help=help_text, epilog=epilog, **{'cls': _Command, **given})
+
+
+def invoked(program: click.Command, name: str, words: Sequence[str]) -> int:
+    """Run a command or a group, unlike its `main` without a line of its own at errors or Ctrl-C.
+
+    Returns:
+        Exit status of the command.
+
+    Raises:
+        SpaceRobotError: words that it does not take.
+    """
+    try:
+        with program.make_context(name, list(words)) as context:
+            return int(program.invoke(context))
+    except click.exceptions.Exit as done:
+        return done.exit_code
+    except click.UsageError as error:
+        asked = error.ctx.command_path if error.ctx else name
+        raise SpaceRobotError(f'{error.format_message()} ({asked} --help says more)') from error
 
 
 option = click.option

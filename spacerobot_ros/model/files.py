@@ -180,8 +180,8 @@ def write_text(path: str | Path, text: str | bytes, replaced: Path | None = None
     Raises:
         ConfigurationError: it can't be written.
     """
-    with written_whole(path, replaced=replaced) as partial:
-        partial.write_bytes(text.encode() if isinstance(text, str) else text)
+    with written_whole(path, replaced=replaced) as partial, open(partial, 'wb') as file:
+        file.write(text.encode() if isinstance(text, str) else text)
     return Path(path)
 
 

@@ -58,6 +58,7 @@ def fails(capsys, status, *arguments):
 # ---------------------------------------------------------------- simulate
 
 
+@pytest.mark.usefixtures('no_progress')
 def test_simulate_says_in_one_line_what_it_did(capsys, tmp_path):
     status, out, err = run(
         capsys, 'simulate', '--robot', ROBOT, '-o', tmp_path / 'run', '--duration', '0.5'
@@ -186,6 +187,7 @@ def test_an_option_of_many_values_ends_at_the_next_option(capsys, monkeypatch):
 # ---------------------------------------------------------------- identify
 
 
+@pytest.mark.usefixtures('no_progress')
 def test_identify_json_is_the_only_output_and_has_the_promised_shape(capsys, bag):
     status, out, err = run(capsys, 'identify', bag, '--robot', ROBOT, '--json')
     assert status == 0

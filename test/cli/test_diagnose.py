@@ -90,7 +90,7 @@ def fails(capsys, *arguments):
 # ---------------------------------------------------------------- the whole way
 
 
-@pytest.mark.usefixtures('few_effects')
+@pytest.mark.usefixtures('few_effects', 'no_progress')
 def test_hidden_friction_is_found_and_the_extended_model_is_consistent(
     capsys, bag, model, tmp_path
 ):

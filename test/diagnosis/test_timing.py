@@ -93,7 +93,7 @@ def test_a_search_of_another_timing_has_a_budget_of_its_own(tmp_path, monkeypatc
     record, robot = flown(tmp_path, 'ground', 8, *hidden)
     record = observed(record, robot)
     run = Run(record, robot, (), noise_levels(robot.sensors, record)[0], 'held_before')
-    monkeypatch.setattr(search, 'MOST_MODELS', 3)  # of which the first timing takes four
+    monkeypatch.setattr(search, 'MOST_MODELS', 4)  # the first timing takes them all
 
     def right(_, tried):
         return None if 'held_about' in tried else 'held_about'

@@ -51,3 +51,15 @@ def test_a_law_of_which_one_part_is_nothing():
     )
     words = cause_in_words(cause, is_short=True)
     assert words.endswith('at j (viscous 0.06 +- 0.01 N m s/rad)')
+
+
+def test_a_cause_of_which_one_axis_is_told():
+    kind = CATALOGUE['gyro_bias']
+    cause = Cause(
+        applied=kind(name='found', where=None, values={'x': 0.0, 'y': 0.0, 'z': 0.01}),
+        parameters={'z': Estimated(value=0.01, std=0.001, unit='rad/s')},
+        evidence=Evidence(),
+        thresholds={},
+        relevant=True,
+    )
+    assert cause_in_words(cause, is_short=True).endswith('(z 0.01 +- 0.001 rad/s)')

@@ -6,20 +6,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from support.attitudes import quaternion_rate
-from support.models import DUAL_ARM, random_tree, robot_of
+from support.models import DUAL_ARM, WHEELS, random_tree, robot_of
 from support.states import random_state
 
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.pinocchio_model import in_pinocchio
 from spacerobot_ros.dynamics.rotation import rotation_matrix
 
-WHEELS = {
-    'servicer_wheels': {'momentum': [25.0, 27.0, 28.0]},
-    'target_wheels': {
-        'links': ['link_2', 'link_1'],
-        'momentum': [42.0, 49.0, 41.0, -3.0, 5.0, 2.0],
-    },
-}
 CASES = {
     'one joint': ([0], (), {'gravity': [0.3, -0.2, -9.81]}),
     'dual arm': (DUAL_ARM, (), WHEELS),

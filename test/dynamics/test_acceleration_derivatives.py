@@ -8,27 +8,13 @@ from functools import partial
 import numpy as np
 import pytest
 from support.effects import motion_of
-from support.models import DUAL_ARM, random_tree, robot_of
+from support.models import TREES, random_tree, robot_of
 
 from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.filters.torque_process import TorqueDriven
 
-WHEELS = {
-    'servicer_wheels': {'momentum': [25.0, 27.0, 28.0]},
-    'target_wheels': {
-        'links': ['link_2', 'link_1'],
-        'momentum': [42.0, 49.0, 41.0, -3.0, 5.0, 2.0],
-    },
-}
-CASES = {
-    'one joint': ([0], (), {}),
-    'dual arm': (DUAL_ARM, (), WHEELS),
-    'slides': ([0, 1, 2, 1], (2, 4), WHEELS),
-    'seven joints': ([0, 1, 2, 3, 4, 5, 6], (4,), WHEELS),
-    'fixed base': ([0, 1, 2, 0], (3,), {**WHEELS, 'base': 'fixed', 'gravity': [0.3, 1.0, -9.8]}),
-}
 COUNT = 5
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
@@ -74,7 +60,7 @@ def agrees(robot, rng):
             np.testing.assert_array_equal(got.by_position[k][:, : 6 - first], 0.0)
 
 
-@pytest.mark.parametrize('case', CASES.values(), ids=CASES.keys())
+@pytest.mark.parametrize('case', TREES.values(), ids=TREES.keys())
 def test_derivatives_are_those_of_our_own_accelerations(case, rng):
     parents, prismatic, options = case
     parts = random_tree(rng, parents, prismatic)
@@ -87,7 +73,7 @@ def test_derivatives_are_those_of_our_own_accelerations(case, rng):
 
 @pytest.mark.parametrize('change', [{'mass': -0.5}, {'mass': 0.0}, {'inertia': -0.1 * np.eye(3)}])
 def test_bodies_that_can_not_exist_have_derivatives_too(change, rng):
-    parents, prismatic, options = CASES['slides']
+    parents, prismatic, options = TREES['slides']
     robot = robot_of(random_tree(rng, parents, prismatic), **options)
     agrees(with_body(robot, 2, **change), rng)
 
@@ -106,7 +92,7 @@ def with_body(robot, index, **change):
 
 def test_what_a_motor_gives_of_its_torque_it_gives_of_its_noise(rng):
     """Else a gain near zero on a link of no mass is quiet whatever was measured."""
-    parents, prismatic, options = CASES['dual arm']
+    parents, prismatic, options = TREES['dual arm']
     parts = random_tree(rng, parents, prismatic)
     robot = robot_of(parts, [part.joint for part in parts[1:]], **options)
     weak = CATALOGUE['joint_torque_constant'](

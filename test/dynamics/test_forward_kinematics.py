@@ -6,31 +6,17 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from support.effects import motion_of
-from support.models import DUAL_ARM, random_tree, robot_of
+from support.models import TREES, random_tree, robot_of
 from support.pinocchio_states import pin_acceleration, pin_states, wheel_torques
 
 from spacerobot_ros.dynamics.pinocchio_model import in_pinocchio
 from spacerobot_ros.dynamics.tree import difference, is_empty, tree_of
 from spacerobot_ros.estimation.unknowns.response import InverseDynamics, needed
 
-WHEELS = {
-    'servicer_wheels': {'momentum': [25.0, 27.0, 28.0]},
-    'target_wheels': {
-        'links': ['link_2', 'link_1'],
-        'momentum': [42.0, 49.0, 41.0, -3.0, 5.0, 2.0],
-    },
-}
-CASES = {
-    'one joint': ([0], (), {}),
-    'dual arm': (DUAL_ARM, (), WHEELS),
-    'slides': ([0, 1, 2, 1], (2, 4), WHEELS),
-    'seven joints': ([0, 1, 2, 3, 4, 5, 6], (4,), WHEELS),
-    'fixed base': ([0, 1, 2, 0], (3,), {**WHEELS, 'base': 'fixed', 'gravity': [0.3, 1.0, -9.8]}),
-}
 COUNT = 5
 
 
-@pytest.fixture(params=CASES.values(), ids=CASES.keys())
+@pytest.fixture(params=TREES.values(), ids=TREES.keys())
 def robot(request, rng):
     """A robot whose joints stand in another order than its bodies, with motors of some inertia."""
     parents, prismatic, options = request.param

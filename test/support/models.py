@@ -140,6 +140,21 @@ def random_tree(
 
 
 DUAL_ARM = [0, 1, 2, 0, 4, 5]
+WHEELS = {
+    'servicer_wheels': {'momentum': [25.0, 27.0, 28.0]},
+    'target_wheels': {
+        'links': ['link_2', 'link_1'],
+        'momentum': [42.0, 49.0, 41.0, -3.0, 5.0, 2.0],
+    },
+}
+TREES = {
+    'one joint': ([0], (), {}),
+    'dual arm': (DUAL_ARM, (), WHEELS),
+    'slides': ([0, 1, 2, 1], (2, 4), WHEELS),
+    'seven joints': ([0, 1, 2, 3, 4, 5, 6], (4,), WHEELS),
+    'fixed base': ([0, 1, 2, 0], (3,), {**WHEELS, 'base': 'fixed', 'gravity': [0.3, 1.0, -9.8]}),
+}
+"""Parents of the bodies, numbers of the joints that slide, options of `robot_of`."""
 
 
 def to_urdf(parts: list[Part]) -> str:

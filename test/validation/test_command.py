@@ -93,7 +93,7 @@ def test_a_folder_that_can_not_be_written(tmp_path, capsys, monkeypatch):
     (tmp_path / 'file').write_text('')
     monkeypatch.setattr(wheel_experiments, 'trials', lambda *_: [])
     assert main([*COMMAND, str(tmp_path / 'file' / 'out')]) == 2
-    assert 'Not a directory' in capsys.readouterr().err
+    assert 'is a file, not a folder' in capsys.readouterr().err
 
 
 def test_an_interrupted_run_keeps_the_results_before(tmp_path, monkeypatch):
@@ -116,12 +116,23 @@ def test_every_trial_once_and_less_when_quick():
     assert set(quick) < set(every)
 
 
-@pytest.mark.parametrize('arguments', [['nothing'], ['wheel-momentum', '--runs', '1']])
-def test_usage(arguments, capsys):
-    with pytest.raises(SystemExit) as error:
-        main([*arguments])
-    assert error.value.code == 2
-    assert 'error:' in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ('words', 'why'),
+    [
+        (['nothing'], "'nothing' is not one of"),
+        (['coverage', '--runs', '1'], "'--runs': 1 is not in the range x>=2"),
+        (['coverage', '--minutes', '0'], "'--minutes': 0 must be finite and above zero"),
+        (['coverage', '--jobs', 'two'], "'--jobs': 'two' is not a valid whole number"),
+        (['coverage', '--only', 'nowhere', '--out', 'out'], "has 'nowhere' in it"),
+    ],
+)
+def test_words_that_can_not_be_used_are_one_line(words, why, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f'validation {words[0]}: ')
+    assert said.count('\n') == 1
+    assert why in said
 
 
 def test_the_same_seed_gives_the_same_estimates(outcome):

@@ -36,21 +36,16 @@ from .diagnosis_judge import cause_record
 from .real_arm import HIDDEN, RealArm, arm_file
 
 _WORDS = {
-    kind: dict(zip(('title', 'clean_words', 'first_words'), words, strict=True))
-    for kind, *words in (
-        (
-            'diagnose',
-            'Causes of one recording',
-            'machines without a cause with a name',
-            'causes named first',
-        ),
-        (
-            'compare',
-            'Changes between two',
-            'unchanged machines with a change',
-            'changes named first',
-        ),
-    )
+    'diagnose': {
+        'title': 'Causes of one recording',
+        'clean_words': 'machines without a cause with a name',
+        'first_words': 'causes named first',
+    },
+    'compare': {
+        'title': 'Changes between two',
+        'clean_words': 'unchanged machines with a change',
+        'first_words': 'changes named first',
+    },
 }
 
 

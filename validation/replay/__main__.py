@@ -20,6 +20,8 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
+from spacerobot_ros.model.files import write_text
+
 from .asking import DATA, ROOT, ask, is_there
 from .changes import changes, summary
 from .records import HERE, ChangedRecordError, samples_of, simulate, table
@@ -44,9 +46,7 @@ def read(path: Path) -> Answers:
 
 def write(path: Path, answers: Iterable[dict[str, Any]]) -> None:
     """One line an answer; whole, or as it was."""
-    part = path.with_suffix('.part')
-    part.write_text(''.join(f'{json.dumps(a)}\n' for a in answers), encoding='utf-8')
-    part.replace(path)
+    write_text(path, ''.join(f'{json.dumps(a)}\n' for a in answers))
 
 
 def fingerprint(checkout: Path) -> str:

@@ -31,8 +31,8 @@ def cause_in_words(cause: Cause, *, is_short: bool = False) -> str:
     """A cause with its place and its values, all or those that say most."""
     shown, applied = cause.parameters, cause.applied
     if is_short:
-        sizes = [p.name for p in applied.parameters if p.role in PROPORTIONAL]
-        shown = telling({name: shown[name] for name in sizes or shown})
+        sizes = {p.name for p in applied.parameters if p.role in PROPORTIONAL}
+        shown = telling({n: e for n, e in shown.items() if n in sizes} or shown)
     values = ', '.join(value_in_words(*item) for item in shown.items())
     return f'{applied.title}{at(applied.where)}{in_recordings(applied)} ({values})'
 
