@@ -50,8 +50,12 @@ FOLLOWED = 3
 """Best exchanges for each cause beside which a further hypothesis is tried: bounds the run time;
 `test/inference/test_model_search.py` has how often the search then misses the best set."""
 
+BOUNDED = 10
+"""Moves of largest gain without bounds that are looked at with them: bounds the run time, where
+those of many bodies cost so much that any move might win some of it back."""
+
 RISE = 1e-3
-"""Nats that a move of the search must gain. Rounding of the updates is below that (`UPDATES`), so no
+"""Nats that a move of the search must gain. Rounding of updates is below that (`UPDATES`), so no
 move is taken back for it, and the search can not cycle."""
 
 CUTS, CUT_LOSS = 60, 0.01
