@@ -27,7 +27,7 @@ from ..events.event import Events
 from ..limits import RELEVANT
 from ..orders.orders import find_orders
 from .arm_found import WORSE, ArmFound, still_words, touched_notes
-from .arm_spread import values_std, whole_std
+from .arm_spread import covariance_of, values_std, whole_std
 from .arm_verdict import Left, doubt_notes, laws_that_matter, overall, sentence
 from .friction_law import friction_laws
 from .ratios import ratios, scale_notes
@@ -98,6 +98,7 @@ def conclude_arm(
         orders=None if leftover is None else _orders(found),
         ratios=ratios(found),
         free_motion=free_motion(found.fit.rows.balances, found.extended),
+        covariance=covariance_of(found, named),
         method='balance',
     )
     return with_events(diagnosis, found.events.events)
