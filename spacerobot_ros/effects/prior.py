@@ -21,6 +21,9 @@ RUN_TO_RUN = 0.05
 can not show (docs/real_machines.md)."""
 BY_DIRECTION = RUN_TO_RUN / math.sqrt(2.0)
 """Of a friction: half of the difference between its directions, each of which differs by that."""
+REFINED = -4.0
+"""Log odds of a law that is finer than a straight one of its joint, whose place it takes for
+what is left of any kind at turns, where nothing is as it is thought."""
 NOTHING = 1e-4
 """Of a size: next to nothing, and still a number."""
 

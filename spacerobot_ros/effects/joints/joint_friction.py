@@ -9,7 +9,7 @@ from ...types import Array
 from ..effect import Effect
 from ..joint import STICTION_RATE, JointTorque, direction
 from ..parameter import amount, searched
-from ..prior import RUN_TO_RUN, Prior, Scale
+from ..prior import REFINED, RUN_TO_RUN, Prior, Scale
 
 _VELOCITIES = {'above': STICTION_RATE, 'maximum': 10.0}
 _FALLS = (0.005, 0.015, 0.05, 0.15)
@@ -131,7 +131,7 @@ class StribeckFriction(JointTorque):
     @classmethod
     def prior(cls, scale: Scale) -> Prior | None:
         """By the torques of its joint."""
-        return scale.alike(0.3 * scale.torque, RUN_TO_RUN * scale.dry)
+        return scale.alike(0.3 * scale.torque, RUN_TO_RUN * scale.dry, REFINED)
 
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """Torque that falls from its static to its Coulomb value as the joint gets moving."""
@@ -185,7 +185,7 @@ class FrictionCurvature(JointTorque):
     @classmethod
     def prior(cls, scale: Scale) -> Prior | None:
         """By the torques of its joint."""
-        return scale.alike(scale.torque, RUN_TO_RUN * scale.dry)
+        return scale.alike(scale.torque, RUN_TO_RUN * scale.dry, REFINED)
 
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """Torque against the joint rate beyond a straight law."""
@@ -217,7 +217,7 @@ class LoadFriction(JointTorque):
     @classmethod
     def prior(cls, scale: Scale) -> Prior | None:
         """A tenth of the torque."""
-        return scale.alike(0.1)
+        return scale.alike(0.1, log_odds=REFINED)
 
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """Torque against the joint rate in proportion to the motor torque."""

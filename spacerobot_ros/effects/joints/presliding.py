@@ -25,7 +25,7 @@ from ..joint import JointEffect
 from ..laws.hysteresis import SLIDING_ACCELERATION, fastest_share
 from ..motion import Motion
 from ..parameter import amount, searched
-from ..prior import Prior, Scale
+from ..prior import REFINED, Prior, Scale
 
 _DISPLACEMENTS = {'minimum': 1e-5, 'maximum': 1.0}
 _GUESSES = (3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
@@ -56,7 +56,7 @@ class PreslidingFriction(JointEffect):
     @classmethod
     def prior(cls, scale: Scale) -> Prior | None:
         """By the torques of its joint."""
-        return scale.alike(scale.torque) if scale.has_angle else None
+        return scale.alike(scale.torque, log_odds=REFINED) if scale.has_angle else None
 
     def force(self, motion: Motion, hidden: Array) -> Array:
         """The mobilised share of the torque."""
