@@ -22,7 +22,10 @@ SURFACE = {  # name: its parameters, with ? where one has a default
         'next_motion? notes? calibration? recordings? friction? leftover? orders? ratios? '
         'free_motion? events? method?'
     ),
-    'Comparison': 'verdict sentence changes detectable left unjudged unidentified notes units is_repeated series',
+    'Comparison': (
+        'verdict sentence changes detectable left unjudged unidentified notes units is_repeated '
+        'series'
+    ),
     'compare': 'before after robot believed? report?',
     'diagnose': 'records robot believed? catalogue? report? loaded?',
     'Monitor': 'robot settings believed? momentum_std?',

@@ -10,19 +10,18 @@ from typing import Any, ClassVar, cast
 import numpy as np
 from scipy.special import expit
 
-from ...effects.effect import Key
 from ...estimation.balance.arm_priors import torque_tolerance
 from ...estimation.columns import Candidate
 from ...formats import either
-from ...inference.decisive import IMPLAUSIBLE
 from ...inference.inferred import InferredCause
 from ...json_values import json_as, json_fields
 from ..answer.cause import Estimated, Rival
 from ..answer.result import Series
 from ..answer.words import at, first_few, telling, value_in_words
+from ..arms.arm_conclusion import rivals_of
+from ..arms.arm_verdict import doubts
 from ..arms.fitted_arm import GAIN
 from ..events.event_limits import EXPLAINED
-from .change_hypotheses import ChangeKey
 from .changes import Changes
 from .detectable import Detection
 
@@ -135,7 +134,7 @@ def conclude_changes(found: Changes) -> Comparison:
         left=dict(zip(joints.tolist(), left.tolist(), strict=True)),
         unjudged=tuple(unjudged),
         unidentified=tuple(different),
-        notes=tuple(_doubts(found)),
+        notes=tuple(doubts((c, _candidate(found, c).key) for c in found.named)),
         units={joint: rows.robot.unit_of('N m', joint) for joint in rows.robot.joints},
         is_repeated=found.groups.is_repeated,
         series=_series(found),
@@ -146,9 +145,7 @@ def _series(found: Changes) -> tuple[Series, ...]:
     """Of every joint where it moves in the first recording afterwards."""
     groups, run = found.groups, found.groups.count
     rows, robot, balance = groups.rows, groups.rows.robot, groups.rows.balances[run]
-    shared = found.inferred.mean.copy()
-    shared[groups.size : 2 * groups.size] = 0.0
-    before = rows.torques[run] - groups.torque(run, shared)
+    before, after = (part.torques[0] for _, part in (groups.left(found.mean(())), found.left))
     seen = [(j, rows.rows_at(balance, j)) for j in range(robot.n_joints)]
     return tuple(
         Series(
@@ -157,7 +154,7 @@ def _series(found: Changes) -> tuple[Series, ...]:
             time=balance.row_times[own],
             measured=np.zeros(0),
             before=before[own, j],
-            after=found.left[run][own, j],
+            after=after[own, j],
             noise_floor=float(np.sqrt(np.sum(groups.levels[1][j]))),
         )
         for j, own in seen
@@ -193,23 +190,12 @@ def _change(found: Changes, cause: InferredCause) -> Change:
         log_evidence=found.log_evidence(cause),
         log_odds=cause.log_odds,
         held_out_gain=tuple(cause.gains.tolist()),
-        indistinguishable_from=_rivals(found, cause),
+        indistinguishable_from=rivals_of(found.groups.rows, cause),
     )
 
 
 def _candidate(found: Changes, cause: InferredCause) -> Candidate:
-    return found.groups.rows.candidates[cast(ChangeKey, cause.key)[1]]
-
-
-def _rivals(found: Changes, cause: InferredCause) -> tuple[Rival, ...]:
-    """What could stand in a change's place as well, each once."""
-    out = dict[Key, Rival]()
-    for other in cause.rivals:
-        for _, number in cast(tuple[ChangeKey, ...], other.causes):
-            c = found.groups.rows.candidates[number]
-            rival = Rival(effect=c.kind.id, where=c.where, log_odds=other.log_odds)
-            out.setdefault(rival.key, rival)
-    return tuple(out.values())
+    return found.groups.rows.candidates[cast(int, cause.key)]
 
 
 def _detectable(found: Changes) -> Iterator[Detectable]:
@@ -217,7 +203,7 @@ def _detectable(found: Changes) -> Iterator[Detectable]:
     every, robot = found.undisturbed, found.groups.rows.robot
     detection = Detection(every, found.chosen)
     for i in sorted(every.open):
-        candidate = found.groups.rows.candidates[cast(ChangeKey, every.every[i].key)[1]]
+        candidate = found.groups.rows.candidates[cast(int, every.every[i].key)]
         first, value = candidate.kind.parameters[0], detection.limit(i)
         value = value if value < _UNSEEN * first.size else math.inf
         if candidate.kind.id == GAIN:  # columns of measured torques: 1 - 1 / gain
@@ -229,17 +215,6 @@ def _detectable(found: Changes) -> Iterator[Detectable]:
             value=value,
             unit=candidate.kind.unit_at(robot, candidate.where, first),
         )
-
-
-def _doubts(found: Changes) -> Iterator[str]:
-    """What is named and larger than plausible."""
-    for cause in found.named:
-        candidate = _candidate(found, cause)
-        if cause.slabs > IMPLAUSIBLE:
-            yield (
-                f'{candidate.kind.id}{at(candidate.where)} changed by {cause.slabs:.2g} times '
-                'what is plausible there: it may stand for something else'
-            )
 
 
 def _sentence(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 
@@ -13,20 +12,19 @@ from ...effects.prior import INSIDE
 from ...estimation.balance.arm_priors import OF_LOAD, SHAPES, Machine
 from ...estimation.columns import Candidate
 from ...inference.hypothesis import Hypothesis
-from ...types import Array
+from ...types import Array, IntArray
 from ..arms.arm_hypotheses import arm_hypotheses
 from .run_to_run import scatter, untouched
 from .two_groups import TwoGroups
 
-ChangeKey = tuple[Literal['shared', 'changed', 'own'], int]
 _FINE = (*SHAPES, OF_LOAD, 'joint_torque_ripple')
 """Shapes of friction are not told from one motion to another well enough to have changed."""
 
 
 def change_hypotheses(groups: TwoGroups) -> list[Hypothesis]:
-    """Of every candidate what is shared and what changed, numbered alike, and what is of one run.
+    """Of every candidate its change, which alone may be a cause, and has its number for a key.
 
-    Only a change may be a cause.
+    And what both groups share of it, and what is of one recording.
     """
     own = scatter(groups)
     lone = 2 * groups.size + np.arange(len(groups.rows.balances) * len(own))
@@ -38,7 +36,7 @@ def change_hypotheses(groups: TwoGroups) -> list[Hypothesis]:
     return [*_shared(groups), *_changed(groups, own), *of_runs]
 
 
-def _never(key: ChangeKey, columns: Array, prior: Array) -> Hypothesis:
+def _never(key: tuple[str, int], columns: IntArray, prior: Array) -> Hypothesis:
     """What is there, and no cause."""
     return Hypothesis(key=key, columns=columns, slab=prior, spike=prior, log_odds=-math.inf)
 
@@ -57,7 +55,6 @@ def _changed(groups: TwoGroups, own: Array) -> Iterator[Hypothesis]:
         load = machine.prior_of_load(c)
         yield replace(
             h,
-            key=('changed', i),
             columns=groups.size + h.columns,
             slab=h.slab if load is None else load.slab,
             spike=spikes[i],
@@ -66,7 +63,6 @@ def _changed(groups: TwoGroups, own: Array) -> Iterator[Hypothesis]:
             upper=None,
             body=None,
             needs=frozenset(),
-            excludes=frozenset(('changed', k) for k in h.excludes),
         )
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 
 from ...effects.prior import RUN_TO_RUN
+from ...estimation.balance.arm_rows import ArmRows
 from ...inference.decisive import CLUSTERS
 from ...inference.hypotheses import Hypotheses
 from ...inference.inferred import Inferred, InferredCause, infer
@@ -55,12 +58,22 @@ class Changes:
         return self.hypotheses.marginal(self.chosen)
 
     @cached_property
+    def _likely(self) -> list[InferredCause]:
+        """Changes whose evidence is no chance of few blocks."""
+        every, prior = self.inferred.causes, self.hypotheses.log_odds
+        return [c for c in every if self.log_evidence(c) + prior[self.number(c)] > NAMED]
+
+    @cached_property
     def named(self) -> list[InferredCause]:
-        """Changes whose evidence is no chance of few blocks, surest first."""
-        every = self.inferred.causes
-        prior = self.hypotheses.log_odds
-        odds = [self.log_evidence(c) + float(prior[self.number(c)]) for c in every]
-        return [c for c, own in zip(every, odds, strict=True) if own > NAMED]
+        """These, surest first, but for changes at a joint where something else changed.
+
+        What no cause explains there is in part explained by any.
+        """
+        rows = self.groups.rows
+        different = {rows.robot.joints[j] for j in self.different}
+        places = [rows.candidates[cast(int, c.key)].where for c in self._likely]
+        pairs = zip(self._likely, places, strict=True)
+        return [c for c, where in pairs if where not in different]
 
     def number(self, cause: InferredCause) -> int:
         """Of its hypothesis."""
@@ -89,19 +102,23 @@ class Changes:
         return np.searchsorted(self.inferred.covariance.columns, cause.hypothesis.columns)
 
     @cached_property
-    def left(self) -> list[Array]:
-        """(M, n) torques of every recording that the named changes leave [N m]."""
-        mean = self.inferred.mean.copy()
+    def left(self) -> tuple[ArmRows, ArmRows]:
+        """Torques that the named changes leave, by group."""
+        return self.groups.left(self.mean(self.named))
+
+    def mean(self, changes: Sequence[InferredCause]) -> Array:
+        """(P,) coefficients, of the changes some alone."""
+        out = self.inferred.mean.copy()
         for cause in self.inferred.causes:
-            if cause not in self.named:
-                mean[cause.hypothesis.columns] = 0.0
-        torques = self.groups.rows.torques
-        return [t - self.groups.torque(run, mean) for run, t in enumerate(torques)]
+            if cause not in changes:
+                out[cause.hypothesis.columns] = 0.0
+        return out
 
     @cached_property
     def rms(self) -> Array:
         """(2, n) of what is left where joints move, by group; NaN of one that does not [N m]."""
-        return np.array([[_rms(own) for own in group] for group in self._by_joint(self.left)])
+        n = self.groups.rows.robot.n_joints
+        return np.array([[_rms(own.torque) for own in group.joints[:n]] for group in self.left])
 
     @cached_property
     def different(self) -> list[int]:
@@ -110,34 +127,17 @@ class Changes:
         More than friction differs from run to run, too, and of rows enough to say so.
         """
         rows, out = self.groups.rows, list[int]()
-        left, clusters = self._by_joint(self.left), self._by_joint(self._clusters)[0]
-        for j, (before, after) in enumerate(zip(*left, strict=True)):
-            if min(len(before), len(after)) < CLUSTERS:
+        first, second = self.groups.left(self.mean(self._likely))
+        pairs = zip(first.in_clusters.joints, second.joints, rows.scale.tolist(), strict=False)
+        for j, (before, after, scale) in enumerate(pairs):
+            if min(len(before.torque), len(after.torque)) < CLUSTERS:
                 continue
-            worst = max(_rms(before[clusters[j] == k]) for k in np.unique(clusters[j]))
-            excess = _rms(after) ** 2 - _rms(before) ** 2
-            if _rms(after) > DIFFERENT * worst and excess > (RUN_TO_RUN * rows.scale[j]) ** 2:
+            own = (before.torque[before.block == k] for k in np.unique(before.block))
+            excess = _rms(after.torque) ** 2 - _rms(before.torque) ** 2
+            is_other = _rms(after.torque) > DIFFERENT * max(map(_rms, own))
+            if is_other and excess > (RUN_TO_RUN * scale) ** 2:
                 out.append(j)
         return out
-
-    @property
-    def _clusters(self) -> list[Array]:
-        """(M, n) number of the block of each row, all joints alike."""
-        n, groups = self.groups.rows.robot.n_joints, self.groups.groups
-        every = [own for group in groups for own in group.in_clusters.blocks]
-        return [np.tile(own[:, None], (1, n)) for own in every]
-
-    def _by_joint(self, values: list[Array]) -> list[list[Array]]:
-        """(M, n) values of every recording where a joint moves, by group and joint."""
-        rows, count = self.groups.rows, self.groups.count
-        pairs = [*zip(rows.balances, values, strict=True)]
-        return [
-            [
-                np.concatenate([v[rows.rows_at(b, j), j] for b, v in part])
-                for j in range(rows.robot.n_joints)
-            ]
-            for part in (pairs[:count], pairs[count:])
-        ]
 
     @cached_property
     def undisturbed(self) -> Hypotheses:
@@ -149,7 +149,7 @@ class Changes:
             return self.hypotheses
         groups, rows = self.groups, self.groups.rows
         torques = [t.copy() for t in rows.torques]
-        for torque, left in zip(torques[groups.count :], self.left[groups.count :], strict=True):
+        for torque, left in zip(torques[groups.count :], self.left[1].torques, strict=True):
             torque[:, self.different] -= left[:, self.different]
         levels = [list(own) for own in groups.levels]
         for j in self.different:

@@ -40,8 +40,8 @@ class Detection:
         mean = self._fitted.mean
         return np.array([gram.vector - gram.matrix @ mean for gram in self._fitted.grams])
 
-    def limit(self, i: int) -> float:
-        r"""Of the first coefficient of a hypothesis, the others nothing; infinite: never.
+    def limit(self, i: int, direction: Array | None = None) -> float:
+        r"""Least multiple of a direction of a hypothesis's coefficients; infinite: none.
 
         The log evidence of a multiple x of a step z is, noise aside,
 
@@ -50,6 +50,10 @@ class Detection:
         with W what the rows tell of the coefficients and D their slab less their spike. It has to
         exceed `NAMED` and the prior by the scatter of blocks as they are. One deviation beyond
         what is named half of the time is in five of six.
+
+        Args:
+            i: The hypothesis.
+            direction: (k,); None: of the first coefficient, the others nothing.
         """
         every, without = self.hypotheses, self._marginal
         if i in self.chosen:
@@ -58,25 +62,28 @@ class Detection:
         at = np.searchsorted(without.columns, own)
         told = without.matrix[np.ix_(at, at)]
         occam = np.eye(len(own)) + told * more
-        seen = told @ np.linalg.solve(every.bases[i], np.eye(len(own))[0])
+        along = np.eye(len(own))[0] if direction is None else direction
+        along = np.linalg.solve(every.bases[i], along)
+        seen = told @ along
         power = float((seen * more) @ np.linalg.solve(occam, seen))
         if power <= 0.0:
             return math.inf
-        deviation, wider, freedom = self._scatter(i, without.changed(own, more))
+        deviation, wider, freedom = self._scatter(i, along, without.changed(own, more))
         need = NAMED - every.log_odds[i]
         gain = 0.5 * freedom * math.expm1(2.0 * need / (freedom + 1.0)) * wider**2
         cost = gain + 0.5 * float(np.linalg.slogdet(occam)[1])
         return max(math.sqrt(2.0 * cost / power), CLEAR * deviation) + deviation
 
-    def _scatter(self, i: int, marginal: Marginal) -> tuple[float, float, float]:
-        """Deviation of its first coefficient by blocks, times what rows say, and its freedom."""
+    def _scatter(self, i: int, along: Array, marginal: Marginal) -> tuple[float, float, float]:
+        """Deviation of the multiple by blocks, times what rows say, and its freedom."""
         every, h = self.hypotheses, self.hypotheses.every[i]
         columns = np.union1d(self._fitted.columns, h.columns)
         variances = every.variances(self.chosen | {i})[columns]
-        at = np.searchsorted(columns, h.columns)
-        covariance = every.bases[i] @ marginal.covariance(columns, variances)[at]
-        own = float(covariance[0, at] @ every.bases[i][0])
-        weights = covariance[0, np.searchsorted(columns, self._fitted.columns)]
+        covariance = marginal.covariance(columns, variances)[np.searchsorted(columns, h.columns)]
+        within = covariance[:, np.searchsorted(columns, h.columns)]
+        weights = np.linalg.solve(within, along)
+        own = 1.0 / float(weights @ along)
+        weights = own * weights @ covariance[:, np.searchsorted(columns, self._fitted.columns)]
         inherent = np.array([weights @ gram.matrix @ weights for gram in self._fitted.grams])
         total = float(np.sum((self._scores @ weights) ** 2))
         freedom = float(np.sum(inherent) ** 2 / max(np.sum(inherent**2), np.finfo(float).tiny))

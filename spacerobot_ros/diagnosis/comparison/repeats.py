@@ -17,7 +17,7 @@ from ...inference.gram import sum_of
 from ...inference.marginal import Marginal
 from ...recording.record import Record
 from ...types import Array
-from .two_groups import TwoGroups, bare_levels, split
+from .two_groups import TwoGroups, bare_rows, split
 
 FEWEST = 3
 """Reference runs from which the scatter between them is worth more than a usual tolerance."""
@@ -62,7 +62,8 @@ def less_reference(rows: ArmRows, count: int) -> TwoGroups:
         t - e - _of_length(r, len(e))
         for t, e, r in zip(rows.torques, explained, reference, strict=True)
     ]
-    level, _ = bare_levels(rows, torques, count, rows.friction)
+    bare, _ = bare_rows(rows, torques, count)
+    level = leftover_levels(bare, bare.tolerances, bare.friction)
     rows = rows.about_others(rows.columns, torques)
     return TwoGroups(rows, count, (level, level), is_repeated=True)
 

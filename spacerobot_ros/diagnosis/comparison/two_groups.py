@@ -88,9 +88,15 @@ class TwoGroups:
 
     def left_by(self, mean: Array) -> TwoGroups:
         """With the levels of what coefficients (P,) leave: more columns explain some of any."""
-        left = [t - self.torque(run, mean) for run, t in enumerate(self.rows.torques)]
-        levels = bare_levels(self.rows, left, self.count, self.friction)
-        return replace(self, levels=levels)
+        first, second = (
+            leftover_levels(group, group.tolerances, self.friction) for group in self.left(mean)
+        )
+        return replace(self, levels=(first, second))
+
+    def left(self, mean: Array) -> tuple[ArmRows, ArmRows]:
+        """Torques that coefficients (P,) leave, by group; no columns explain any of them."""
+        torques = [t - self.torque(run, mean) for run, t in enumerate(self.rows.torques)]
+        return bare_rows(self.rows, torques, self.count)
 
     @cached_property
     def friction(self) -> Array:
@@ -129,11 +135,7 @@ def split(rows: ArmRows, count: int) -> tuple[ArmRows, ArmRows]:
     return some(slice(count)), some(slice(count, None))
 
 
-def bare_levels(
-    rows: ArmRows, left: Sequence[Array], count: int, friction: Array
-) -> tuple[list[Array], list[Array]]:
-    """(8,) variances of what is left (M, n) of every recording, by group; see `TwoGroups`."""
+def bare_rows(rows: ArmRows, torques: Sequence[Array], count: int) -> tuple[ArmRows, ArmRows]:
+    """Torques (M, n) of every recording without columns, by group [N m]."""
     nothing = [np.broadcast_to(0.0, columns.shape) for columns in rows.columns]
-    groups = split(rows.about_others(nothing, left), count)
-    first, second = (leftover_levels(g, g.tolerances, friction) for g in groups)
-    return first, second
+    return split(rows.about_others(nothing, torques), count)
