@@ -28,10 +28,15 @@ class HeldOut:
     Args:
         hypotheses: All of them.
         chosen: The set.
+        is_absent: Whether a cause that goes leaves nothing, its tolerance neither: stretched by
+            many of its deviations that predicts as well, and only its prior speaks against it.
     """
 
-    def __init__(self, hypotheses: Hypotheses, chosen: Collection[int]) -> None:
+    def __init__(
+        self, hypotheses: Hypotheses, chosen: Collection[int], *, is_absent: bool = False
+    ) -> None:
         self._hypotheses, self._chosen = hypotheses, frozenset(chosen)
+        self._is_absent = is_absent
         self._active = hypotheses.active(self._chosen)
         self._grams = hypotheses.grams(self._active)
         self._whole = hypotheses.whole.part(hypotheses.columns_of(self._active))
@@ -88,7 +93,10 @@ class HeldOut:
     def _evidence(self, marginal: Marginal, gone: Collection[int] = frozenset()) -> float:
         """Log evidence of the set without some causes."""
         if gone:
-            marginal = marginal.changed(*self._hypotheses.exchange((), gone))
+            columns, change = self._hypotheses.exchange((), gone)
+            marginal = marginal.changed(
+                columns, -np.ones(len(columns)) if self._is_absent else change
+            )
         return self._hypotheses.evidence(marginal, self._chosen - frozenset(gone))
 
 

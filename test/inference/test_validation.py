@@ -44,6 +44,19 @@ def test_density_of_a_part_is_conditional_on_the_others(recordings):
     np.testing.assert_allclose(held_out.gains(2), gains, rtol=0.0, atol=1e-7)
 
 
+def test_a_tolerance_that_is_stretched_is_no_rival(rng):
+    """Ten of its deviations off, it predicts as well as the cause; nothing does not."""
+    blocks, column = GramBlocks(1), rng.standard_normal((600, 1))
+    for own in np.split(np.arange(600), 30):
+        blocks.add(column[own], column[own, 0] + rng.standard_normal(20))
+    prior = {'slab': np.ones(1), 'spike': np.full(1, 0.1)}
+    hypotheses = Hypotheses(blocks, [Hypothesis(key=0, columns=np.array([0]), **prior)])
+    gains = [HeldOut(hypotheses, {0}, is_absent=absent).gains(0) for absent in (False, True)]
+    assert np.sum(gains[0]) < 12.0
+    # all that a coefficient of one explains of 600 rows, but for what six parts lack of it
+    assert np.sum(gains[1]) == pytest.approx(300.0, rel=0.2)
+
+
 def test_a_law_is_judged_with_what_refines_it():
     problem = drawn(6)
     every = list(problem.every)

@@ -44,7 +44,8 @@ class Changes:
         first = best_set(rough)
         groups = groups.left_by(rough.mean(first.marginal, first.chosen))
         every = change_hypotheses(groups)
-        return cls(groups, Hypotheses(groups.blocks, every), infer(groups.blocks, every))
+        inferred = infer(groups.blocks, every, is_absent=True)
+        return cls(groups, Hypotheses(groups.blocks, every), inferred)
 
     @cached_property
     def chosen(self) -> frozenset[int]:
