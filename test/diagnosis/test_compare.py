@@ -265,6 +265,23 @@ def test_friction_changes_by_some_of_it_not_by_some_of_the_weight(rng):
     assert abs(value.value - 0.3) < 3.0 * value.std < 0.3
 
 
+@pytest.mark.parametrize(
+    ('before', 'after', 'named'),
+    [
+        ((1.0, 0.9, 0.8, 0.7), (0.6, 0.5), []),
+        ((0.85, 0.85, 0.85, 0.85), (0.45, 0.45), ['joint_coulomb_friction']),
+    ],
+)
+def test_friction_that_falls_from_run_to_run_is_no_change(rng, before, after, named):
+    """Of a machine that warms up; where it was steady before it is."""
+    own = {'base': 'fixed', 'gravity': [0.0, 0.0, -9.81], 'joints': ['pivot']}
+    robot = build_robot(parse_settings({'robot': own}), PENDULUM)
+    groups = [[swings(rng, 0.0, 1.0, friction=f) for f in group] for group in (before, after)]
+    found = compare(*groups, robot)
+    assert [change.effect for change in found.changes] == named
+    assert found.verdict == ('changed' if named else 'unchanged')
+
+
 def data_set(name, tmp_path):
     """A folder of measured data with its robot file in a folder of its own, or a skip."""
     if not (DATA / name).is_dir():
