@@ -93,7 +93,7 @@ class Inferred:
         return 'explained' if self.goodness.is_good and is_plausible else 'partly_explained'
 
 
-def infer(blocks: GramBlocks, every: Sequence[Hypothesis], *, is_absent: bool = False) -> Inferred:
+def infer(blocks: GramBlocks, every: Sequence[Hypothesis]) -> Inferred:
     """Find the causes that rows want and that predict their parts.
 
     What fails the validation is excluded, and the search goes on. It ends: each round excludes
@@ -102,7 +102,6 @@ def infer(blocks: GramBlocks, every: Sequence[Hypothesis], *, is_absent: bool = 
     Args:
         blocks: The rows, in `CLUSTERS` blocks or more.
         every: The hypotheses.
-        is_absent: What a cause is validated beside; see `HeldOut`.
 
     Raises:
         ValueError: rows and hypotheses do not fit each other, or there are too few blocks.
@@ -111,7 +110,7 @@ def infer(blocks: GramBlocks, every: Sequence[Hypothesis], *, is_absent: bool = 
     barred = set[int]()
     found = best_set(hypotheses)
     while True:
-        held_out = HeldOut(hypotheses, found.chosen, is_absent=is_absent)
+        held_out = HeldOut(hypotheses, found.chosen)
         asked = sorted(found.chosen - hypotheses.always)
         gains = {i: held_out.gains(i) for i in asked}
         worst = weakest(gains)

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, cast
 import numpy as np
 from scipy.special import expit
 
+from ...estimation.balance.arm_candidates import GAIN
 from ...estimation.balance.arm_priors import torque_tolerance
 from ...estimation.columns import Candidate
 from ...formats import either
@@ -20,7 +21,6 @@ from ..answer.result import Series
 from ..answer.words import at, first_few, telling, value_in_words
 from ..arms.arm_conclusion import rivals_of
 from ..arms.arm_verdict import doubts
-from ..arms.fitted_arm import GAIN
 from ..events.event_limits import EXPLAINED
 from .changes import Changes
 from .detectable import Detection

@@ -18,7 +18,7 @@ from ...inference.inferred import Inferred, InferredCause, infer
 from ...inference.marginal import Marginal
 from ...inference.model_search import best_set
 from ...types import Array, IntArray
-from ..limits import DIFFERENT, NAMED
+from ..limits import CLEAR, DIFFERENT, NAMED
 from .change_hypotheses import change_hypotheses
 from .two_groups import TwoGroups
 
@@ -44,8 +44,7 @@ class Changes:
         first = best_set(rough)
         groups = groups.left_by(rough.mean(first.marginal, first.chosen))
         every = change_hypotheses(groups)
-        inferred = infer(groups.blocks, every, is_absent=True)
-        return cls(groups, Hypotheses(groups.blocks, every), inferred)
+        return cls(groups, Hypotheses(groups.blocks, every), infer(groups.blocks, every))
 
     @cached_property
     def chosen(self) -> frozenset[int]:
@@ -60,9 +59,14 @@ class Changes:
 
     @cached_property
     def _likely(self) -> list[InferredCause]:
-        """Changes whose evidence is no chance of few blocks."""
-        every, prior = self.inferred.causes, self.hypotheses.log_odds
-        return [c for c in every if self.log_evidence(c) + prior[self.number(c)] > NAMED]
+        """Changes whose evidence is no chance of few blocks, and of which one number is clear."""
+        prior = self.hypotheses.log_odds
+        return [
+            c
+            for c in self.inferred.causes
+            if self.log_evidence(c) + prior[self.number(c)] > NAMED
+            and np.any(np.abs(c.values) > CLEAR * np.sqrt(np.diag(self.covariance(c))))
+        ]
 
     @cached_property
     def named(self) -> list[InferredCause]:
