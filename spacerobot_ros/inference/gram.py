@@ -66,6 +66,16 @@ class Gram:
         matrix = self.matrix[chosen[:, None], chosen]
         return Gram(matrix, self.vector[chosen], self.square, self.rows)
 
+    def placed(self, places: IntArray) -> Gram:
+        """The same for other columns, each of which is one of these, or nothing.
+
+        Args:
+            places: (n,) which; -1: none.
+        """
+        is_one = places >= 0
+        matrix = self.matrix[places[:, None], places] * np.outer(is_one, is_one)
+        return Gram(matrix, self.vector[places] * is_one, self.square, self.rows)
+
     def without(self, nuisance: int, precision: Array) -> Gram:
         """The rest, the first `nuisance` columns of given prior precision marginalized."""
         if not nuisance:

@@ -33,9 +33,12 @@ class _KeptRows:
 @dataclass(frozen=True, slots=True, eq=False)
 class _KeptSums:
     gram: Gram
+    places: IntArray | None = None
 
     def of(self, columns: IntArray) -> Gram:
-        return self.gram.part(columns)
+        if self.places is None:
+            return self.gram.part(columns)
+        return self.gram.placed(self.places[columns])
 
 
 class GramBlocks:
@@ -69,11 +72,25 @@ class GramBlocks:
         self._append(gram if len(data) >= self.count else None, columns, data, recording)
         self._count_in(gram, log_scale)
 
-    def add_sums(self, gram: Gram, recording: int = 0, log_scale: float = 0.0) -> None:
-        """Add a block of which only sums are known."""
-        self._blocks.append(_KeptSums(gram))
+    def add_sums(
+        self,
+        gram: Gram,
+        recording: int = 0,
+        log_scale: float = 0.0,
+        places: IntArray | None = None,
+    ) -> None:
+        """Add a block of which only sums are known.
+
+        Args:
+            gram: The sums.
+            recording: Number of its recording.
+            log_scale: See `log_scale`.
+            places: (K,) which of the sums' columns each column is there, several of them the same
+                one; -1: none. None: the sums are of all columns.
+        """
+        self._blocks.append(_KeptSums(gram, places))
         self.recording.append(recording)
-        self._count_in(gram, log_scale)
+        self._count_in(gram if places is None else gram.placed(places), log_scale)
 
     def _append(self, gram: Gram | None, columns: Array, data: Array, recording: int) -> None:
         self._blocks.append(_KeptRows(columns, data) if gram is None else _KeptSums(gram))

@@ -1,8 +1,6 @@
 """Arms whose noise nobody knows: right names at the right joints, nothing where none is."""
 
-from copy import copy
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -10,16 +8,13 @@ import pytest
 
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section, named
 from spacerobot_ros.diagnosis.answer.output import to_dict
+from spacerobot_ros.diagnosis.arms.fitted_arm import FittedArm
 from spacerobot_ros.diagnosis.diagnose import diagnose
-from spacerobot_ros.diagnosis.old.held_out_checks import check_held_out
-from spacerobot_ros.diagnosis.old.selection import Selection
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects, changed_robot
 from spacerobot_ros.errors import RecordingError
-from spacerobot_ros.estimation.balance.arm_fit import ArmFit
 from spacerobot_ros.estimation.balance.arm_levels import leftover_levels
 from spacerobot_ros.estimation.balance.arm_rows import ArmRows
 from spacerobot_ros.estimation.balance.balance import balance_of, rms
-from spacerobot_ros.estimation.inference.evidence import Gram
 from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
@@ -243,70 +238,6 @@ def test_a_load_is_of_arms_alone():
         diagnose([record, record], packaged('servicer').robot, loaded=[1])
 
 
-def test_beside_a_load_quarters_of_all_recordings_are_held_out():
-    """A loaded recording alone does not tell the load from the links."""
-    file, arm = arm_file(), RealArm(4)
-    balances = [balance_of(arm.record(run), file.robot, file.effects) for run in range(2)]
-    kinds = [CATALOGUE['inertial_parameters'], CATALOGUE['joint_viscous_friction']]
-    rows = ArmRows.of(balances, kinds).with_own([1])
-    selection = Selection.of(rows, leftover_levels(rows, rows.tolerances, rows.friction))
-    labels = {
-        (*c.key, c.recordings): selection.parts.labels(i) for i, c in enumerate(rows.candidates)
-    }
-    quarters = [0, 1, 2, 3]
-    assert labels['joint_viscous_friction', 'joint_1', None].tolist() == quarters * 2
-    assert labels['inertial_parameters', 'link_6', (1,)].tolist() == [-1] * 4 + quarters
-
-
-class Alternating(Selection):
-    """Two laws of one friction, neither of which holds; each is chosen where the other is not."""
-
-    def __init__(self):
-        kinds = [CATALOGUE[f'joint_{law}_friction'] for law in ('coulomb', 'stribeck')]
-        self.rows = SimpleNamespace(
-            candidates=[SimpleNamespace(kind=kind, where='joint_1') for kind in kinds]
-        )
-        self.chosen = [0]
-        self.asked = 0
-
-    def held_out(self, i):
-        self.asked += 1
-        assert self.asked < 10
-        return np.full(4, -1.0)
-
-    def is_stretched(self, i, chosen):
-        return False
-
-    def alike(self, i):
-        return [1 - i]
-
-    def instead_of(self, i, barred):
-        other = copy(self)
-        other.chosen = [k for k in (0, 1) if k not in barred]
-        return other
-
-    def take(self, other):
-        self.chosen = other.chosen
-
-
-def test_two_laws_that_take_each_others_place_both_go():
-    selection = Alternating()
-    check_held_out(selection)
-    assert not selection.chosen
-
-
-def test_friction_of_the_load_goes_before_the_plain_friction_that_it_leans_on():
-    kinds = ('joint_coulomb_friction', 'joint_load_friction', 'joint_friction_curvature')
-    selection = Alternating()
-    selection.rows.candidates = [
-        SimpleNamespace(kind=CATALOGUE[kind], where=where)
-        for kind, where in zip((*kinds, kinds[1]), ('joint_1',) * 3 + ('joint_2',), strict=True)
-    ]
-    selection.chosen = [0, 1, 2, 3]
-    selection.gain = {0: 50.0, 1: 40.0, 2: 30.0, 3: 5.0}.__getitem__
-    assert [selection.leaning_on(i) for i in selection.chosen] == [2, 1, 2, 3]
-
-
 def test_blocks_have_as_much_motion_each():
     """Of 24 s of motion and 24 s of rest after it no quarter is without."""
     record, file = RealArm(3).record(0), arm_file()
@@ -396,33 +327,15 @@ def test_a_load_beside_another_body_of_its_link_is_a_body():
         for r, j in zip(records, joints, strict=True)
     ]
     rows = ArmRows.of(balances, list(CATALOGUE.values())).with_own([1])
-    selection = Selection.of(rows, leftover_levels(rows, rows.sizes, rows.friction))
+    levels = leftover_levels(rows, rows.sizes, rows.friction)
     keys = [(c.kind.id, c.where) for c in rows.candidates]
     both = [i for i, key in enumerate(keys) if key == ('inertial_parameters', 'link_6')]
     assert len(both) == 2
-    fit = ArmFit(rows, selection.whole, tuple(both))
+    fit = FittedArm.of(rows, levels, both)
     link, load = fit.effects(both)
     alone = pin.PseudoInertia.FromDynamicParameters(np.array(list(load.values.values())))
     assert np.min(np.linalg.eigvalsh(alone.toMatrix())) > -1e-5
     changed_robot(file.robot, [*file.effects, link, load])  # refuses what is no body
-
-
-def test_what_a_held_out_recording_has_of_its_own_is_not_held_against_it(rng):
-    """Exact data of two recordings, the second with an offset that the first knows nothing of."""
-    columns = rng.normal(size=(2, 200, 2))
-    columns[0, :, 1] = 0.0
-    rows = SimpleNamespace(
-        candidates=[SimpleNamespace(recordings=None), SimpleNamespace(recordings=(1,))],
-        places=[np.array([0]), np.array([1])],
-        sizes=np.full(2, 10.0),
-        has_load=False,
-        may_be_chosen=lambda i: True,
-        deviations=lambda chosen: np.full(2, 10.0),
-    )
-    parts = [Gram.of(part, part @ [2.0, 5.0]) for part in columns]
-    selection = Selection(rows, parts, np.arange(2))
-    # priors of 10 pull 2 and 5 by 1e-2 / 200 of themselves; the offset alone is 25 a row
-    assert selection.held_out_misfit([0, 1]) < 1e-4
 
 
 def lone_joint(kind, axis):

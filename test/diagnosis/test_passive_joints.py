@@ -310,7 +310,7 @@ def test_a_pole_on_a_driven_cart():
 def test_what_changed_where_no_torque_is_measured(swung):
     """Of its own other run nothing, although a factor of everything would fit both."""
     changes = changes_between([swung], [wheel_run(12.0, 7, start=0.2)], wheel_robot())
-    assert changes.selection.chosen == []
+    assert changes.named == []
 
 
 # ------------------------------------------------------------ a shoulder without a motor

@@ -26,6 +26,20 @@ def test_blocks_of_rows_and_of_sums_say_the_same(rng):
         assert one.rows == other.rows
 
 
+def test_sums_of_columns_that_are_placed_are_those_of_their_rows(rng):
+    X, y = rng.standard_normal((40, 3)), rng.standard_normal(40)
+    places = np.array([2, -1, 0, 2])
+    by_sums, by_rows = GramBlocks(4), GramBlocks(4)
+    by_sums.add_sums(Gram.of(X, y), places=places)
+    by_rows.add(X[:, places] * (places >= 0), y)
+    for one, other in zip(by_sums.grams(np.arange(4)), by_rows.grams(np.arange(4)), strict=True):
+        np.testing.assert_allclose(one.matrix, other.matrix, rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(one.vector, other.vector, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(by_sums.whole.matrix, by_rows.whole.matrix, rtol=0.0, atol=1e-12)
+    assert parts(by_sums, 1) == [-1]
+    assert parts(by_sums, 3) == [0]
+
+
 def blocks_that_tell(*recordings: int, told: tuple[int, ...] = ()) -> GramBlocks:
     """Two columns; only the first is seen in blocks that do not tell of the second."""
     blocks = GramBlocks(2)

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...effects.effect import Effect, Key
 from ...estimation.balance.arm_candidates import GAIN
+from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.balance import Balance, rms
 from ...estimation.rows import ChannelError
 from ...estimation.scaling import PROPORTIONAL, coordinate_of, origin_of
@@ -28,7 +29,7 @@ from ..limits import RELEVANT
 from ..orders.orders import find_orders
 from .arm_found import WORSE, ArmFound, still_words, touched_notes
 from .arm_spread import covariance_of, values_std, whole_std
-from .arm_verdict import Left, doubt_notes, laws_that_matter, overall, sentence
+from .arm_verdict import Left, doubts, laws_that_matter, overall, sentence
 from .friction_law import friction_laws
 from .ratios import ratios, scale_notes
 from .spring_rest import with_rests
@@ -59,8 +60,11 @@ def conclude_arm(
     laws = laws_that_matter(found, left, leftover or ())
     has_unclear = len(found.fit.chosen) > len(found.clear) + len(found.learned)
     words = sentence(verdict, named, left, has_unclear=has_unclear) + laws_in_words(laws)
-    doubts = [*doubt_notes(found)]
-    if laws or (doubts and verdict == 'explained'):  # a law is no named cause, and it is no noise
+    pairs = zip(found.clear, found.named, strict=True)
+    doubtful = [*doubts((found.causes[i], (e.id, e.where)) for i, e in pairs)]
+    if laws or (
+        doubtful and verdict == 'explained'
+    ):  # a law is no named cause, and it is no noise
         verdict = 'partly_explained'
     channels = series(
         _levelled(found.fit.rows.balances[0].channels(), found.levels),
@@ -89,7 +93,7 @@ def conclude_arm(
             *touched_notes(found.fit.rows.balances),
             *scale_notes(found),
             *direction_notes(named, found.robot),
-            *doubts,
+            *doubtful,
         ),
         calibration=(*(c.applied for c in minor), *found.calibration),
         recordings=_recordings(found),
@@ -154,19 +158,19 @@ def _cause(found: ArmFound, k: int, excess: float) -> Cause:
             log_odds=inferred.log_odds,
             elpd_gain=elpd,
         ),
-        rivals=_rivals(found, inferred),
+        rivals=rivals_of(found.fit.rows, inferred),
         thresholds={p.name: p for p in thresholds},
         relevant=share > RELEVANT,
         held_out_recordings=tuple(inferred.gains.tolist()) if len(found.records) > 1 else None,
     )
 
 
-def _rivals(found: ArmFound, inferred: InferredCause) -> tuple[Rival, ...]:
+def rivals_of(rows: ArmRows, inferred: InferredCause) -> tuple[Rival, ...]:
     """What could stand in a cause's place as well, each once: of all or of one recording."""
     out: dict[Key, Rival] = {}
     for other in inferred.rivals:
         for number in other.causes:
-            c = found.fit.rows.candidates[cast(int, number)]
+            c = rows.candidates[cast(int, number)]
             rival = Rival(effect=c.kind.id, where=c.where, log_odds=other.log_odds)
             out.setdefault(rival.key, rival)
     return tuple(out.values())

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...effects.effect import Effect
+from ...effects.effect import Effect, Key
 from ...effects.prior import RUN_TO_RUN
 from ...estimation.balance.arm_priors import torque_tolerance
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.balance import Balance, own_noise_in_band, rms
 from ...inference.decisive import IMPLAUSIBLE
+from ...inference.inferred import InferredCause
 from ...model.robot import Robot
 from ...types import Array, BoolArray, IntArray
 from ..answer.cause import Cause
@@ -104,14 +105,13 @@ def laws_that_matter(found: ArmFound, left: Left, leftover: Sequence[Leftover]) 
     return out
 
 
-def doubt_notes(found: ArmFound) -> Iterator[str]:
-    """What is named and larger than plausible."""
-    for i, effect in zip(found.clear, found.named, strict=True):
-        slabs = found.causes[i].slabs
-        if slabs > IMPLAUSIBLE:
+def doubts(named: Iterable[tuple[InferredCause, Key]]) -> Iterator[str]:
+    """What is named, effect and place, and larger than plausible."""
+    for cause, (effect, where) in named:
+        if cause.slabs > IMPLAUSIBLE:
             yield (
-                f'{effect.id}{at(effect.where)} is {slabs:.2g} times as large as is plausible '
-                'there: it may stand for something else'
+                f'{effect}{at(where)} is {cause.slabs:.2g} times as large as is plausible there: '
+                'it may stand for something else'
             )
 
 

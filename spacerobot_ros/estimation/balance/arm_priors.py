@@ -120,6 +120,14 @@ class Machine:
         scale = self._scale(candidate)
         return None if scale is None else candidate.kind.prior(scale)
 
+    def prior_of_load(self, candidate: Candidate) -> Prior | None:
+        """Of what is put on a body, wherever that is, or taken off."""
+        scale = self._scale(candidate)
+        if scale is None or scale.body is None:
+            return None
+        body = replace(scale.body, is_last=True, uncertainty=None)
+        return candidate.kind.prior(replace(scale, body=body))
+
     def _scale(self, candidate: Candidate) -> Scale | None:
         """At its place; None of a joint that never moves, or has no effort."""
         where, robot = candidate.where, self.robot

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Self
 
 import numpy as np
 
@@ -23,7 +21,7 @@ from .arm_columns import columns_of
 from .arm_priors import DRY, Machine
 from .balance import Balance, rms
 from .leftover import JointRows, with_unit_shapes
-from .row_blocks import blocks_of, clusters_of, moments_of
+from .row_blocks import blocks_of, clusters_of
 
 _TOLERATED = 1e-3  # of a size; `arm_priors` gives less to what no machine has
 
@@ -82,11 +80,6 @@ class ArmRows:
         """Candidates that are zeros of single recordings."""
         every = enumerate(self.candidates)
         return [i for i, c in every if c.recordings and c.kind.id in ZEROS]
-
-    @property
-    def has_load(self) -> bool:
-        """Whether a load is declared in some recordings."""
-        return any(c.recordings and c.kind.id not in ZEROS for c in self.candidates)
 
     @cached_property
     def sizes(self) -> Array:
@@ -148,33 +141,10 @@ class ArmRows:
         """The model's."""
         return self.balances[0].robot
 
-    @cached_property
-    def lower(self) -> Array:
-        """(K,) least coefficients."""
-        return np.concatenate([c.lower for c in self.candidates])
-
-    @cached_property
-    def upper(self) -> Array:
-        """(K,) largest coefficients."""
-        return np.concatenate([c.upper for c in self.candidates])
-
     def is_tolerated(self, i: int) -> bool:
         """Whether a candidate is a little there on any machine."""
         at = self.places[i]
         return bool(np.any(self.tolerances[at] > _TOLERATED * self.sizes[at]))
-
-    def freedom(self, i: int) -> float:
-        """Degrees of freedom of the level that judges a candidate."""
-        return math.inf
-
-    def may_be_chosen(self, i: int) -> bool:
-        """Whether a candidate may be named."""
-        return True
-
-    @property
-    def holds_tolerances(self) -> bool:
-        """Whether tolerances say how wrong a file may be, however well more would predict."""
-        return True
 
     @cached_property
     def places(self) -> list[IntArray]:
@@ -195,12 +165,6 @@ class ArmRows:
     def columns(self) -> list[Array]:
         """(M, n, K) of every recording [N m by coefficient]."""
         return columns_of(self.balances, self.candidates)
-
-    def sharing(self, other: ArmRows) -> Self:
-        """These rows, with the columns of recordings that other rows of the candidates have."""
-        known = dict(zip(other.balances, other.columns, strict=True))
-        self.__dict__['columns'] = columns_of(self.balances, self.candidates, known)
-        return self
 
     @cached_property
     def scale(self) -> Array:
@@ -227,11 +191,6 @@ class ArmRows:
     def blocks(self) -> list[IntArray]:
         """(M,) number of the block of each row, recording by recording."""
         return blocks_of(self.balances)
-
-    @property
-    def by_moments(self) -> ArmRows:
-        """The same rows in blocks of a moment each."""
-        return self._cut(moments_of(self.balances))
 
     @property
     def in_clusters(self) -> ArmRows:
@@ -321,25 +280,17 @@ class ArmRows:
         """
         return [self.joint(k) for k in range(2 * self.robot.n_joints)]
 
-    def parts(self, levels: Sequence[Array], weights: Array | None = None) -> list[Gram]:
-        """Gram matrices of every block.
+    def parts(self, levels: Sequence[Array]) -> list[Gram]:
+        """Gram matrices of every block, whitened.
 
         Args:
             levels: (8,) variances of the leftover of every set of `joints`, or of the first n.
-            weights: (R, n) how many times as much the rows of each joint say in each recording,
-                divided by the rms of what is left there, which trusts all frequencies alike.
-                None: rows are whitened, which trusts what is fast.
         """
         k = len(self.tolerances)
         out = [Gram(np.zeros((k, k)), np.zeros(k), 0.0, 0) for _ in self.recording]
-        for j, (rows, variances) in enumerate(zip(self.joints, levels, strict=False)):
+        for rows, variances in zip(self.joints, levels, strict=False):
             if len(rows.torque):
-                if weights is None:
-                    torque, columns, _ = rows.whitened(variances)
-                else:
-                    scale = weights[self.recording[rows.block], j % weights.shape[1]]
-                    scale = scale / rows.rms(variances)
-                    torque, columns = rows.torque * scale, rows.columns * scale[:, None]
+                torque, columns, _ = rows.whitened(variances)
                 for block in np.unique(rows.block):
                     own = rows.block == block
                     out[block] += Gram.of(columns[own], torque[own])

@@ -14,7 +14,6 @@ times what a small one shows. Selected columns are removed by the Schur compleme
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -88,18 +87,6 @@ def chi_square_tail(value: float, dof: float) -> float:
     return float(scipy.special.chdtrc(dof, max(value, 0.0)))
 
 
-def fisher_tail(square: float, dof: float, freedom: float) -> float:
-    """Probability that a chi-square is above a value, by a variance of some freedom."""
-    if math.isinf(freedom):
-        return chi_square_tail(square, dof)
-    return float(scipy.special.fdtrc(dof, freedom, max(square, 0.0) / dof))
-
-
-def fisher_limit(chance: float, dof: float, freedom: float) -> float:
-    """The square whose `fisher_tail` is a chance; freedom finite."""
-    return dof * float(scipy.special.fdtri(dof, freedom, 1.0 - chance))
-
-
 def cross_validated(found: Sequence[Fold], sizes: Array, bounds: tuple[Array, Array]) -> float:
     """Twice the gain in log likelihood on each part of the rows, estimated from all others."""
     return sum(score(fold.rest, sizes, bounds, fold.part).held_out for fold in found)
@@ -143,19 +130,6 @@ def _estimated(
     if np.any(estimate < bounds[0]) or np.any(estimate > bounds[1]):
         return values, *_bounded(vectors * np.sqrt(1.0 + values), vector, sizes, bounds)
     return values, estimate, float(np.sum(projected**2 / (1.0 + values)))
-
-
-def log_evidence(gram: Gram, sizes: Array, bounds: tuple[Array, Array]) -> float:
-    """`Score.evidence` alone; that of one coefficient, as most causes have, without matrices."""
-    if len(sizes) > 1:
-        values, _, gain = _estimated(gram, sizes, bounds)
-        return 0.5 * gain - price(values, gram.rows)
-    size = float(sizes[0])
-    value, vector = max(size**2 * float(gram.matrix[0, 0]), 0.0), size * float(gram.vector[0])
-    low = min(float(bounds[0][0]) / size, -1e-300)
-    high = max(float(bounds[1][0]) / size, 1e-300)
-    z = min(max(vector / (1.0 + value), low), high)
-    return 0.5 * (z * (2.0 * vector - (1.0 + value) * z) - math.log1p(min(value, gram.rows)))
 
 
 def inverse_of_positive(matrix: Array) -> Array:
