@@ -61,7 +61,13 @@ def _is_beside(one: Candidate, other: Candidate) -> bool:
 
 
 def _contradict(one: type[Effect], other: type[Effect]) -> bool:
-    return one.id in other.excludes or other.id in one.excludes
+    return one.id in other.excludes or other.id in one.excludes or _contains(one, other)
+
+
+def _contains(one: type[Effect], other: type[Effect]) -> bool:
+    """Whether one of two laws is dry friction, and the other it and more."""
+    pairs = ((one, other), (other, one))
+    return any(a.id == DRY and DRY in b.refines and not b.hidden for a, b in pairs)
 
 
 def _needs(

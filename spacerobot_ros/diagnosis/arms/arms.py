@@ -30,6 +30,7 @@ from ..limits import CHANCE
 from .arm_found import WORSE, ArmFound, balances_of, refuse_rest, refuse_short
 from .arm_hypotheses import arm_hypotheses, blocks_of
 from .fitted_arm import DELAY, FittedArm
+from .spectral_level import weakest_in_spectrum
 
 _ROUNDS = 4
 _SETTLED = 1e-3  # of a motor constant, from round to round
@@ -118,7 +119,7 @@ def _found(
     levels = levels_of(rows, rough)
     report('choosing causes at the level that is left', 0.6)
     blocks = blocks_of(rows, levels)
-    inferred = _inferred(rows, blocks)
+    inferred = _inferred(rows, blocks, levels)
     causes = {cast(int, c.key): c for c in inferred.causes}
     fit = FittedArm(rows, blocks, tuple(sorted(causes)))
     clear = tuple(i for i in fit.chosen if fit.chance(i) < CHANCE)
@@ -141,16 +142,19 @@ def _found(
     return min(found, bare, key=lambda some: float(np.nanmax(some.ratios)))
 
 
-def _inferred(rows: ArmRows, blocks: GramBlocks) -> Inferred:
+def _inferred(rows: ArmRows, blocks: GramBlocks, levels: Sequence[Array]) -> Inferred:
     """What the rows say; torques that do not follow from the model at all have no gain."""
     every = arm_hypotheses(rows)
     while True:
         found = infer(blocks, every)
         gains = (c for c in found.causes if rows.candidates[cast(int, c.key)].kind.id == GAIN)
-        endless = [c.key for c in gains if c.slabs > 0.999 * IMPLAUSIBLE]  # at its bound
-        if not endless:
-            return found
-        every = [replace(h, log_odds=-math.inf) if h.key in endless else h for h in every]
+        barred = [c.key for c in gains if c.slabs > 0.999 * IMPLAUSIBLE]  # at its bound
+        if not barred:
+            weakest = weakest_in_spectrum(rows, levels, every, found.causes)
+            if weakest is None:
+                return found
+            barred = [weakest]
+        every = [replace(h, log_odds=-math.inf) if h.key in barred else h for h in every]
 
 
 def _chosen(rows: ArmRows, levels: Sequence[Array], barred: Collection[int]) -> FittedArm:
