@@ -10,7 +10,8 @@ FAMILYWISE = 3.0
 probability that a record has any cause at all."""
 
 PREDICTED = 3.0
-"""Nats by which a cause must raise the log predictive density of held-out parts: odds of 20."""
+"""Nats by which a cause must raise the log predictive density of held-out parts, or of all but the
+best where it is not steady: odds of 20."""
 
 STEADY = 1.7
 """Sum of these gains by its standard error over the parts, from which their scatter is no

@@ -117,7 +117,7 @@ def passes(gains: Array) -> bool:
     if len(gains) < 2 or total <= PREDICTED:
         return False
     error = math.sqrt(len(gains)) * float(np.std(gains, ddof=1))
-    return total > STEADY * error or total > float(np.max(gains))
+    return total > STEADY * error or total - float(np.max(gains)) > PREDICTED
 
 
 def weakest(gains: dict[int, Array]) -> int | None:

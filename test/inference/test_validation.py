@@ -83,9 +83,11 @@ def test_a_law_is_judged_with_what_refines_it():
         ([5.0, 6.0, 4.0, 5.0, 7.0, 5.0], True),
         ([0.4] * 6, False),  # less than odds of twenty
         ([30.0, -0.5, -0.2, -0.1, -0.4, -0.3], False),  # one part decides
-        ([30.0, 1.0, -0.2, 0.5, 0.0, 0.3], True),  # the others agree
+        ([30.0, 2.0, -0.2, 1.5, 0.0, 0.3], True),  # the others agree, by odds of twenty
+        ([30.0, 1.0, -0.2, 0.5, 0.0, 0.3], False),  # they hardly do
         ([20.0, -9.0], False),
-        ([20.0, 1.0], True),
+        ([20.0, 4.0], True),
+        ([20.0, 1.0], False),
         ([20.0], False),  # nothing predicts it
         ([], False),
     ],
