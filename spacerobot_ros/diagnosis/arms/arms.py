@@ -30,7 +30,7 @@ from ..limits import CHANCE
 from .arm_found import WORSE, ArmFound, balances_of, refuse_rest, refuse_short
 from .arm_hypotheses import arm_hypotheses, blocks_of
 from .fitted_arm import DELAY, FittedArm
-from .spectral_level import weakest_in_spectrum
+from .spectral_level import unsupported
 
 _ROUNDS = 4
 _SETTLED = 1e-3  # of a motor constant, from round to round
@@ -148,12 +148,10 @@ def _inferred(rows: ArmRows, blocks: GramBlocks, levels: Sequence[Array]) -> Inf
     while True:
         found = infer(blocks, every)
         gains = (c for c in found.causes if rows.candidates[cast(int, c.key)].kind.id == GAIN)
-        barred = [c.key for c in gains if c.slabs > 0.999 * IMPLAUSIBLE]  # at its bound
+        barred = {c.key for c in gains if c.slabs > 0.999 * IMPLAUSIBLE}  # at its bound
+        barred = barred or unsupported(rows, levels, every, found.causes)
         if not barred:
-            weakest = weakest_in_spectrum(rows, levels, every, found.causes)
-            if weakest is None:
-                return found
-            barred = [weakest]
+            return found
         every = [replace(h, log_odds=-math.inf) if h.key in barred else h for h in every]
 
 

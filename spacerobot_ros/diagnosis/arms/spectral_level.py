@@ -8,7 +8,7 @@ of its own. A cause has to be worth its prior odds so, too.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Hashable, Sequence
+from collections.abc import Collection, Hashable, Mapping, Sequence
 from typing import cast
 
 import numpy as np
@@ -27,24 +27,19 @@ from ..limits import LINE
 _UNSEEN = 1e-2  # of the noise, all rows together: what no evidence shows
 
 
-class SpectralEvidence:
-    """Evidence of a set of causes by every joint's level in bins of frequency.
+class SpectralRows:
+    """Rows as cosines, whose level is what a set of causes leaves in bins of frequency.
 
     Args:
         rows: The recordings.
         levels: (8,) variances by which rows are whitened first, see `ArmRows.joints`.
         every: The hypotheses.
-        chosen: Numbers of the causes.
     """
 
     def __init__(
-        self,
-        rows: ArmRows,
-        levels: Sequence[Array],
-        every: Sequence[Hypothesis],
-        chosen: Collection[int],
+        self, rows: ArmRows, levels: Sequence[Array], every: Sequence[Hypothesis]
     ) -> None:
-        self._rows, self._chosen = rows, frozenset(chosen)
+        self._rows, self._every = rows, every
         data, columns = [], []
         for joint, variances in zip(rows.joints, levels, strict=True):
             if len(joint.torque):
@@ -54,30 +49,31 @@ class SpectralEvidence:
         self._data, self._columns = np.concatenate(data), np.concatenate(columns)
         self._ends = tuple(np.cumsum([len(x) for x in data])[:-1].tolist())
         self._sizes = np.linalg.norm(self._columns, axis=0)
-        self._all = self._level(self._chosen, np.ones(len(self._data)))
-        scale, blocks = self._all.scale, GramBlocks(self._columns.shape[1])
-        blocks.add(self._columns / scale[:, None], self._data / scale)
-        blocks.add_sums(rows.held, NEVER_HELD_OUT)
-        self._hypotheses = Hypotheses(blocks, every)
-        self._beside = ChosenSet.of(self._hypotheses, self._chosen)
 
-    def margin(self, i: int, known: float) -> float:
-        """By which a cause is worth more than its prior odds, beside all others [nats].
+    def margins(self, chosen: Collection[int], known: Mapping[int, float]) -> dict[int, float]:
+        """By which causes are worth more than their prior odds, beside all others [nats].
 
-        At the level that is left beside it; where that is another one than the rows are whitened
-        by, what is left without it has its own, too.
+        At the level that is left beside all; where that is another one than the rows are whitened
+        by, what is left without one has its own, too.
 
         Args:
-            i: Its number.
-            known: The same at the level that the rows are whitened by.
+            chosen: The causes.
+            known: The same at the level that the rows are whitened by, of those that are asked.
         """
-        rest = self._chosen - self._hypotheses.dependents(self._chosen, [i])
-        odds = self._hypotheses.prior(self._chosen) - self._hypotheses.prior(rest)
-        margin = self._beside.objective - ChosenSet.of(self._hypotheses, rest).objective
-        if margin - odds > LINE * (known - odds):
-            return margin
-        without = self._level(rest, self._all.scale)
-        return min(margin, self._all.likelihood - without.likelihood + odds)
+        whole = self._level(chosen, np.ones(len(self._data)))
+        blocks = GramBlocks(self._columns.shape[1])
+        blocks.add(self._columns / whole.scale[:, None], self._data / whole.scale)
+        blocks.add_sums(self._rows.held, NEVER_HELD_OUT)
+        hypotheses = Hypotheses(blocks, self._every)
+        beside, out = ChosenSet.of(hypotheses, chosen), {}
+        for i in known:
+            gone = hypotheses.dependents(beside.chosen, [i])
+            rest, odds = beside.chosen - gone, hypotheses.prior(gone)
+            out[i] = beside.objective - ChosenSet.of(hypotheses, rest).objective
+            if out[i] - odds <= LINE * (known[i] - odds):
+                without = self._level(rest, whole.scale)
+                out[i] = min(out[i], whole.likelihood - without.likelihood + odds)
+        return out
 
     def _level(self, chosen: Collection[int], scale: Array) -> Level:
         deviations = self._rows.deviations(chosen)
@@ -87,21 +83,24 @@ class SpectralEvidence:
         return terms.level(np.zeros((len(prior), 0)), scale)
 
 
-def weakest_in_spectrum(
+def unsupported(
     rows: ArmRows,
     levels: Sequence[Array],
     every: Sequence[Hypothesis],
     causes: Sequence[InferredCause],
-) -> Hashable | None:
-    """The cause that is least worth its name by the level in bins of frequency; None: all are.
+) -> set[Hashable]:
+    """Causes that are not worth their name by the level in bins of frequency, weakest first.
 
     An offset is one term: the bin around it says nothing of it, and it is not asked.
     """
     known = {cast(int, c.key): c.log_odds for c in causes}
-    asked = [i for i in known if rows.candidates[i].kind.id not in ZEROS]
-    if not asked:
-        return None
-    evidence = SpectralEvidence(rows, levels, every, known)
-    margins = {i: evidence.margin(i, known[i]) for i in asked}
-    weakest = min(margins, key=margins.__getitem__)
-    return weakest if margins[weakest] <= 0.0 else None
+    chosen, gone = set(known), set[Hashable]()
+    spectral = SpectralRows(rows, levels, every)
+    while asked := {i: known[i] for i in chosen if rows.candidates[i].kind.id not in ZEROS}:
+        margins = spectral.margins(chosen, asked)
+        weakest = min(margins, key=margins.__getitem__)
+        if margins[weakest] > 0.0:
+            break
+        chosen.discard(weakest)
+        gone.add(weakest)
+    return gone
