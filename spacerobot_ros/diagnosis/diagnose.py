@@ -12,7 +12,6 @@ from ..effects.equivalents import unasked
 from ..estimation.balance.arm_rows import ArmRows
 from ..estimation.balance.balance import Balance, balance_of
 from ..estimation.balance.motor_constants import as_recorded
-from ..estimation.filters.measured_torque import TIMINGS
 from ..estimation.fit import Fit
 from ..estimation.noise_levels import noise_levels
 from ..estimation.runs import Run
@@ -37,10 +36,10 @@ from .lone_bodies.thrust import diagnose_thrust, has_pose_and_thrust
 from .orders.orders import find_orders, wheel_orders
 from .pieces import diagnose_pieces, pieces_of
 from .search.conclusion import conclude
-from .search.found import Found
+from .search.linearized import Columns, Linearized
 from .search.predictable import is_predictable
-from .search.search import Search
-from .search.timing import first_timing, held_after_all, in_words, simpler_timing
+from .search.search import Found, Search
+from .search.timing import in_words
 
 _BALANCED = (
     'the robot file states no joint_effort_std, and more is left of the torques than noise of '
@@ -125,11 +124,9 @@ def _diagnosed(
         is_whole = is_whole and not robot.without_constant
         if not (is_whole and is_predictable(found, noise, kinds)):
             return _balanced(found, notes, report)
-    report('finding how efforts act', 0.02)
     record, left_out = screened(measured[0], noise)
     notes = (*notes, *left_out)
-    timing = first_timing(record, robot, believed, noise, kinds)
-    run = Run(record, robot, believed, noise, timing)
+    run = Run(record, robot, believed, noise)
     answer = _predicted(run, balances, kinds, notes, report)
     if found is None or answer.verdict in ('consistent', 'explained'):
         return answer
@@ -183,8 +180,8 @@ def _lacks_efforts(record: Record) -> bool:
 
 def _one_takes_most(fit: Fit, kinds: Sequence[type[Effect]], left: float) -> bool:
     """Whether one more cause may take most of a misfit."""
-    judged = Search(fit.run, kinds, lambda what, share: None).judge(fit)
-    return any(it.score.gain > MOST * left for it in judged)
+    alone = Linearized(fit, Columns.of(fit, kinds)).alone()
+    return bool(alone) and 2.0 * alone[0][0] > MOST * left
 
 
 def _with(fit: Fit, events: Sequence[Event | PossibleEvent]) -> Fit:
@@ -198,23 +195,10 @@ def _cost(fit: Fit) -> float:
     return fit.misfit + len(fit.free) * math.log(len(fit.data))
 
 
-def _searched(
+def _causes_of(
     run: Run, kinds: Sequence[type[Effect]], report: Callable[[str, float], None]
 ) -> Found:
-    """What rows by prediction want; a search of another timing has a budget of its own."""
-
-    def timed(timing: str) -> Found:
-        return Search(run.without(run.left_out).timed(timing), kinds, report, TIMINGS).find()
-
-    found = Search(run, kinds, report).find()
-    if held := held_after_all(found.fit):
-        found = timed(held)
-    if simpler := simpler_timing(found.sound):
-        other = timed(simpler)
-        fits = (other.sound.rows.whiteness()[0] or 0.0) >= MISFIT
-        if fits and len(other.sound.causes) < len(found.sound.causes):
-            return other
-    return found
+    return Search(run, kinds, report).find()
 
 
 def _concluded(
@@ -251,10 +235,10 @@ def _predicted(
     report('looking for events', 0.05)
     if balances:
         events = arm_events(balances, ArmRows.of(balances, kinds))
-        found = _searched(run.without(events.left_out[0]), kinds, report)
+        found = _causes_of(run.without(events.left_out[0]), kinds, report)
         return with_events(_concluded(found, notes, report), events.events)
     if not run.robot.is_free:
-        return _concluded(_searched(run, kinds, report), notes, report)
+        return _concluded(_causes_of(run, kinds, report), notes, report)
     found, steps = _in_flight(run, kinds, report)
     return with_events(_concluded(found, notes, report), steps)
 
@@ -270,21 +254,25 @@ def _in_flight(
     are kept where they explain more. A large step may hide all causes, as no part of the record
     agrees with the others: where nothing fits, its times are left out of a second search.
     """
+    search = Search(run, kinds, report)
+    run = run.timed(search.timing)
     steps, large = steps_beside_usual(run)
-    found = _searched(run.without(spans_of(steps)), kinds, report)
     if steps.all:
-        without, cost = _with(found.sound, ()), _cost(_with(found.sound, steps.all))
+        found = _causes_of(run.without(spans_of(steps)), kinds, report)
+        without, cost = _with(found.fit, ()), _cost(_with(found.fit, steps.all))
         if not steps.named or _one_takes_most(without, kinds, _cost(without) - cost):
-            causes = _searched(run, kinds, report)
-            if _cost(_with(causes.sound, ())) < cost:
+            causes = search.find()
+            if _cost(_with(causes.fit, ())) < cost:
                 found, steps = causes, Events()
+    else:
+        found = search.find()
     if not steps.is_judged:
-        steps = impulse_events(found.sound)
+        steps = impulse_events(found.fit)
         if steps.named:
-            return _searched(run.without(spans_of(steps)), kinds, report), steps
+            return _causes_of(run.without(spans_of(steps)), kinds, report), steps
     if steps.is_judged or not (large := (*large, *large_steps(found.fit))):
         return found, steps
-    causes = _searched(run.without(large), kinds, report)
-    beside = impulse_events(Fit(run, causes.sound.causes))
-    is_better = _cost(_with(causes.sound, beside.all)) < _cost(_with(found.sound, ()))
+    causes = _causes_of(run.without(large), kinds, report)
+    beside = impulse_events(Fit(run, causes.fit.causes))
+    is_better = _cost(_with(causes.fit, beside.all)) < _cost(_with(found.fit, ()))
     return (causes, beside) if beside.named and is_better else (found, steps)

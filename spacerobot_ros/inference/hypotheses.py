@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Collection, Hashable, Iterable, Sequence, Set
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -24,7 +25,7 @@ from .gram import Gram
 from .gram_blocks import GramBlocks
 from .hypothesis import Hypothesis, covariance_of, standardized
 from .interior_point import ConstrainedProblem, MatrixInequality
-from .marginal import Marginal
+from .marginal import Allowed, Marginal
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,6 +108,13 @@ class Hypotheses:
         """Whether the rows say anything of a hypothesis."""
         return self._is_seen[i]
 
+    def with_data(self, blocks: GramBlocks) -> Hypotheses:
+        """The same about other data; blocks of the same columns."""
+        out = copy(self)
+        out.blocks = blocks
+        out.__dict__.pop('whole', None)
+        return out
+
     @cached_property
     def whole(self) -> Gram:
         """Sums over all rows, of standardized coefficients."""
@@ -165,6 +173,15 @@ class Hypotheses:
         )
         grams = [gram for gram in self.grams(active) if gram.rows]
         return FittedBlocks(columns, mean, covariance, grams)
+
+    @cached_property
+    def allowed(self) -> Allowed:
+        """Bounds of causes that are one coefficient, standardized."""
+        lower, upper = np.full(self.blocks.count, -np.inf), np.full(self.blocks.count, np.inf)
+        for h, basis in zip(self.every, self.bases, strict=True):
+            if len(basis) == 1:
+                lower[h.columns], upper[h.columns] = h.least / basis[0], h.most / basis[0]
+        return Allowed(lower, upper)
 
     def exchange(self, came: Iterable[int], gone: Iterable[int] = ()) -> tuple[IntArray, Array]:
         """Columns whose priors change as causes come and go, and by how much; not ascending."""
