@@ -30,13 +30,12 @@ from .discovery.other_recording import unmeasured_inputs, unshared_extras
 from .events.arm_events import arm_events
 from .events.event import Event, Events, PossibleEvent
 from .events.impulses import impulse_events, large_steps, spans_of, steps_beside_usual
-from .limits import MISFIT, MOST
+from .limits import MISFIT, UNLIKE_STEPS
 from .lone_bodies.spinning import diagnose_spin, is_spinning
 from .lone_bodies.thrust import diagnose_thrust, has_pose_and_thrust
 from .orders.orders import find_orders, wheel_orders
 from .pieces import diagnose_pieces, pieces_of
 from .search.conclusion import conclude
-from .search.linearized import Columns, Linearized
 from .search.predictable import is_predictable
 from .search.search import Found, Search
 from .search.timing import in_words
@@ -178,12 +177,6 @@ def _lacks_efforts(record: Record) -> bool:
     return record.joints is not None and bool(record.joints.without_effort)
 
 
-def _one_takes_most(fit: Fit, kinds: Sequence[type[Effect]], left: float) -> bool:
-    """Whether one more cause may take most of a misfit."""
-    alone = Linearized(fit, Columns.of(fit, kinds)).alone()
-    return bool(alone) and 2.0 * alone[0][0] > MOST * left
-
-
 def _with(fit: Fit, events: Sequence[Event | PossibleEvent]) -> Fit:
     """Causes and events along a whole record."""
     applied = (e for event in events for e in event.applied)
@@ -248,31 +241,44 @@ def _in_flight(
 ) -> tuple[Found, Events]:
     """Causes of a free base, and steps of its momentum.
 
-    Where more is wrong than is usual, causes are found first and steps beside them. What lasts may
-    make steps as well (clocks that are late, a lone body's inertia, torques from outside): where
-    no step is named, or one cause may take most of what steps do, that is searched, too, and steps
-    are kept where they explain more. A large step may hide all causes, as no part of the record
-    agrees with the others: where nothing fits, its times are left out of a second search.
+    Where causes explain the record, steps are looked for beside them. Small ones that do may stand
+    for a step, and where none do a step may hide them, as no part of the record agrees with the
+    others: then steps come first, and causes without their times, and what explains more is kept.
     """
-    search = Search(run, kinds, report)
-    run = run.timed(search.timing)
+    found = Search(run, kinds, report).find()
+    run = found.null.run
+    report('looking for events', 0.7)
+    if found.is_good and found.gain > UNLIKE_STEPS:
+        steps, _ = steps_beside_usual(run, found.fit.causes)
+        return _beside(found, steps, run, kinds, report)
     steps, large = steps_beside_usual(run)
-    if steps.all:
-        found = _causes_of(run.without(spans_of(steps)), kinds, report)
-        without, cost = _with(found.fit, ()), _cost(_with(found.fit, steps.all))
-        if not steps.named or _one_takes_most(without, kinds, _cost(without) - cost):
-            causes = search.find()
-            if _cost(_with(causes.fit, ())) < cost:
-                found, steps = causes, Events()
-    else:
-        found = search.find()
+    if steps.all and not (found.is_good and not steps.named):
+        cost = _cost(_with(found.fit, ()))
+        beside = _causes_of(run.without(spans_of(steps)), kinds, report)
+        if _cost(_with(beside.fit, steps.all)) <= cost:
+            found = beside
+        else:
+            steps = Events()
     if not steps.is_judged:
         steps = impulse_events(found.fit)
         if steps.named:
-            return _causes_of(run.without(spans_of(steps)), kinds, report), steps
+            return _beside(found, steps, run, kinds, report)
     if steps.is_judged or not (large := (*large, *large_steps(found.fit))):
         return found, steps
     causes = _causes_of(run.without(large), kinds, report)
-    beside = impulse_events(Fit(run, causes.fit.causes))
-    is_better = _cost(_with(causes.fit, beside.all)) < _cost(_with(found.fit, ()))
-    return (causes, beside) if beside.named and is_better else (found, steps)
+    beside_causes = impulse_events(Fit(run, causes.fit.causes))
+    is_better = _cost(_with(causes.fit, beside_causes.all)) < _cost(_with(found.fit, ()))
+    return (causes, beside_causes) if beside_causes.named and is_better else (found, steps)
+
+
+def _beside(
+    found: Found,
+    steps: Events,
+    run: Run,
+    kinds: Sequence[type[Effect]],
+    report: Callable[[str, float], None],
+) -> tuple[Found, Events]:
+    """Causes without the times of steps, where any are named."""
+    if not steps.named:
+        return found, steps
+    return _causes_of(run.without(spans_of(steps)), kinds, report), steps

@@ -32,11 +32,9 @@ OWN_SHARE = 0.5
 """Of a cause's evidence that has to be left beside another one for both to be taken together: what
 two bodies in a row tell alike belongs to one of them, and only fits say to which."""
 
-MOST = 0.5
-"""Most of a misfit: what one cause must take of what steps of a free base's momentum do, for
-causes to be searched in their place; and what must be removed by that to which unsound causes gave
-way, for it to be named where the record is not explained: a lesser share is what any rival takes.
-"""
+UNLIKE_STEPS = 100.0
+"""Nats of causes that leave nothing which no step of the momentum can be: it shows for some four
+seconds, and what lasts leaves a few of its nats there at least, where `MISFIT` is 9."""
 
 CURVED = 0.1
 """Share of what a cause adds by which columns may be wrong about it: twice what those of effects

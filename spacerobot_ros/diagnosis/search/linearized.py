@@ -111,18 +111,6 @@ class Linearized:
     columns: Columns
 
     @cached_property
-    def _kept(self) -> list[int]:
-        """Numbers of candidates that the fit has no variant of."""
-        held = {cause.key for cause in self.fit.causes}
-        return [k for k, c in enumerate(self.columns.candidates) if c.key not in held]
-
-    @cached_property
-    def _which(self) -> IntArray:
-        """Their columns among all candidates'."""
-        own = [self.columns.places[k] for k in self._kept]
-        return np.concatenate([np.zeros(0, dtype=int), *own])
-
-    @cached_property
     def offsets(self) -> Array:
         """(P,) the fit's own values that count from no effect; of others the change counts."""
         counts = np.array([p.role in PROPORTIONAL for _, p in self.fit.free], dtype=bool)
@@ -135,15 +123,17 @@ class Linearized:
 
     @cached_property
     def _rows(self) -> NDArray[np.float32]:
-        others = self.columns.rows[:, self._which]
-        return np.concatenate([self.fit.tangents.astype(np.float32), others], axis=1)
+        own = self.fit.tangents.astype(np.float32)
+        return (
+            np.concatenate([own, self.columns.rows], axis=1) if len(own.T) else self.columns.rows
+        )
 
     @cached_property
     def _matrix(self) -> Array:
         """(P + K, P + K) products of all columns, the fit's own first."""
         own = len(self.fit.free)
-        out = np.zeros((own + len(self._which),) * 2)
-        out[own:, own:] = self.columns.products[np.ix_(self._which, self._which)]
+        out = np.zeros((own + len(self.columns.products),) * 2)
+        out[own:, own:] = self.columns.products
         for rows in _runs(self._rows) if own else ():
             out[:own] += rows[:, :own].T @ rows
         out[own:, :own] = out[:own, own:].T
@@ -155,16 +145,15 @@ class Linearized:
 
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
-        """The fit's causes, then all candidates."""
+        """The fit's causes, then all candidates; of one that it has, none may come."""
         every = [self._held(i) for i in range(len(self.fit.causes))]
         kinds = [type(cause) for cause in self.fit.causes]
-        variants, start = Counter(c.key for c in self.columns.candidates), len(self.fit.free)
-        for k in self._kept:
-            candidate = self.columns.candidates[k]
-            columns = start + np.arange(len(candidate.steps))
-            every.append(self._other(k, columns, variants[candidate.key]))
-            kinds.append(candidate.kind)
-            start += len(columns)
+        held = {cause.key for cause in self.fit.causes}
+        variants = Counter(c.key for c in self.columns.candidates)
+        for k, c in enumerate(self.columns.candidates):
+            log_odds = -math.log(max(1.0, c.trials / variants[c.key]))
+            every.append(self._other(k, -math.inf if c.key in held else log_odds))
+            kinds.append(c.kind)
         names = [variant_of(h) for h in every]
         excluded = (
             frozenset(n for n in names if n.where == name.where and n.effect in kind.excludes)
@@ -190,14 +179,14 @@ class Linearized:
             family=cause.key,
         )
 
-    def _other(self, k: int, columns: IntArray, variants: int) -> Hypothesis:
+    def _other(self, k: int, log_odds: float) -> Hypothesis:
         c = self.columns.candidates[k]
         return Hypothesis(
             key=Variant(*c.key, k),
-            columns=columns,
+            columns=len(self.fit.free) + self.columns.places[k],
             slab=c.sizes,
             spike=np.zeros(len(c.sizes)),
-            log_odds=-math.log(max(1.0, c.trials / variants)),
+            log_odds=log_odds,
             lower=np.minimum(c.lower, 0.0),
             upper=np.maximum(c.upper, 0.0),
             body=self._body(c.kind.id, c.where, c.parameters),

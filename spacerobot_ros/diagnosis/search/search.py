@@ -25,7 +25,7 @@ from ...inference.hypothesis import Hypothesis
 from ...inference.inferred import Inferred, InferredCause, infer
 from ...inference.model_search import ChosenSet, best_set
 from ...types import Array
-from ..limits import CURVED, MOST_CAUSES
+from ..limits import CURVED, MISFIT, MOST_CAUSES
 from .linearized import Columns, Linearized, Variant, variant_of
 from .timing import FITS, log_odds_of, timings
 
@@ -57,6 +57,17 @@ class Found:
     def fit(self) -> Fit:
         """The model with all causes."""
         return self.linearized.fit
+
+    @property
+    def is_good(self) -> bool:
+        """Whether the model with all causes fits."""
+        p_value, _ = self.fit.rows.whiteness()
+        return p_value is not None and p_value >= MISFIT
+
+    @property
+    def gain(self) -> float:
+        """Log evidence of the causes."""
+        return self.fit.evidence - self.null.evidence
 
     @cached_property
     def hypotheses(self) -> Hypotheses:
