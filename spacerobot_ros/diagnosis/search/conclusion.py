@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from ...estimation.rows import ChannelFit
 from ...estimation.scaling import is_relevant, value_std
-from ...inference.decisive import IMPLAUSIBLE
 from ...inference.validation import HeldOut
 from ...types import Array
 from ..answer.cause import Cause, Estimated, Evidence, Rival
 from ..answer.residuals import residuals, series
 from ..answer.result import Diagnosis, Gain
-from ..answer.words import at, cause_in_words, verdict_of
+from ..answer.words import cause_in_words, verdict_of
 from ..limits import MISFIT, MOST_CAUSES
+from .doubts import doubts
 from .search import Found
 
 _UNFINISHED = f'the search ended at {MOST_CAUSES} causes'
@@ -40,8 +40,9 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
     causes = [_cause(found, i, excess) for i in order]
     named = tuple(c for c in causes if c.relevant)
     minor = tuple(c for c in causes if not c.relevant)
-    doubt = next(_doubts(found, order, causes), '')
     is_good = fit_p is not None and fit_p >= MISFIT
+    slabs = [cause.slabs for cause in found.causes]
+    doubt = next(doubts(fit, slabs), '') if is_good and named else ''
     verdict = verdict_of(is_good and not doubt, bool(named))
     # what is shown is the model that is written
     extended = found.only([i for i, c in zip(order, causes, strict=True) if c.relevant])
@@ -104,18 +105,6 @@ def _cause(found: Found, i: int, excess: float) -> Cause:
 def _gain(before: Array, after: Array) -> Gain:
     """Held-out errors by the noise of the sensors, each part with values from the others."""
     return Gain(before=math.sqrt(float(np.mean(before))), after=math.sqrt(float(np.mean(after))))
-
-
-def _doubts(found: Found, order: Sequence[int], causes: Sequence[Cause]) -> Iterator[str]:
-    """Why causes that leave nothing may not be what they are named."""
-    for i, cause in zip(order, causes, strict=True):
-        slabs = found.causes[i].slabs
-        if cause.relevant and slabs > IMPLAUSIBLE:
-            where = at(cause.applied.where)
-            yield (
-                f'but {cause.applied.title}{where} is {slabs:.2g} times as large as is plausible: '
-                'it may stand for something else'
-            )
 
 
 def _sentence(
