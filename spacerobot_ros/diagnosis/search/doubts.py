@@ -1,7 +1,7 @@
 """Why causes that leave nothing may stand for an effect that is in no catalogue.
 
-Such an effect acts in other proportions at other times, and the best that a catalogue has for it is
-a sum: of causes that undo each other, or of one that takes most and another that takes the rest.
+Such an effect acts in other proportions at other times, and the best that a catalogue has for it
+is a sum: of causes that undo each other, or of one that takes most and one that takes the rest.
 """
 
 from __future__ import annotations
@@ -31,10 +31,8 @@ def doubts(fit: Fit, slabs: list[float]) -> Iterator[str]:
     """
     for cause, size in zip(fit.causes, slabs, strict=True):
         if size > IMPLAUSIBLE:
-            yield (
-                f'but {cause.title}{at(cause.where)} is {size:.2g} times as large as is plausible: '
-                'it may stand for something else'
-            )
+            what = f'{cause.title}{at(cause.where)}'
+            yield f'but {what} is {size:.2g} times as large as is plausible: {_STANDS}'
     if cancellation(fit) > CANCELLED:
         yield f'but these undo most of what each of them does: {_STANDS}'
     if (least := least_needed(fit)) is not None:
