@@ -46,13 +46,12 @@ SUSPICIOUS = 0.1
 leave slow errors or spectral lines where they are visible at all, so this costs no name: a tenth
 of all clean records is searched for nothing."""
 
-MOST_CAUSES = 6
-"""Causes of a record of `BUDGETED` seconds whose columns hold for small effects only; more than
-three at once were never told apart in it, so this only ends a search that has gone astray."""
+MOST_CAUSES = 12
+"""Causes of a record whose columns hold for small effects only: bounds the run time where nothing
+fits, and is said. More than three at once were never told apart in 20 s."""
 
 BUDGETED = 20.0
-"""Seconds of record that these two numbers are meant for. They grow with the square root of a
-longer one's length, as what can be told from its noise does."""
+"""Seconds that tell enough: no piece of a long record is shorter."""
 
 OWN_SHARE = 0.5
 """Of a cause's evidence that has to be left beside another one for both to be taken together: what

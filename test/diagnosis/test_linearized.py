@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spacerobot_ros.diagnosis.search.doubts import cancellation, doubts, least_needed
 from spacerobot_ros.diagnosis.search.linearized import Columns, Linearized, variant_of
 from spacerobot_ros.diagnosis.search.search import Search
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
@@ -78,26 +77,3 @@ def test_one_hidden_cause_is_found_with_its_value(run):
     assert found.is_good
     assert found.gain > found.causes[0].log_odds > 0.0
     assert found.only([]).causes == ()
-
-
-def test_what_undoes_each_other_or_is_too_large_is_a_doubt():
-    """In four seconds of a base that hardly turns."""
-    robot = robot_file('servicer').robot
-    record = observed(simulated('servicer', 'slow', 5, (), 4.0), robot)
-    run = Run(record, robot, (), noise_levels(robot.sensors, record)[0], 'held_before')
-
-    def fit_of(**sizes):
-        return Fit(
-            run,
-            [
-                CATALOGUE[effect](name=effect, where=None, values={'x': 0.0, 'y': y, 'z': 0.0})
-                for effect, y in sizes.items()
-            ],
-        )
-
-    apart = fit_of(external_torque_body=0.1, external_torque_inertial=-0.1)
-    along = fit_of(external_torque_body=0.1, external_torque_inertial=0.1)
-    assert cancellation(apart) > 2.0 > cancellation(along)
-    assert 'undo' in next(doubts(apart, [1.0, 1.0]))
-    assert 'times as large as is plausible' in next(doubts(apart, [1.0, 7.0]))
-    assert least_needed(fit_of(external_torque_body=0.1)) is None
