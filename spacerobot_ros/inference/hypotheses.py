@@ -25,7 +25,7 @@ from .gram import Gram
 from .gram_blocks import GramBlocks
 from .hypothesis import Hypothesis, covariance_of, standardized
 from .interior_point import ConstrainedProblem, MatrixInequality
-from .marginal import Allowed, Marginal
+from .marginal import Marginal, SingleBounds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,13 +175,13 @@ class Hypotheses:
         return FittedBlocks(columns, mean, covariance, grams)
 
     @cached_property
-    def allowed(self) -> Allowed:
+    def single_bounds(self) -> SingleBounds:
         """Bounds of causes that are one coefficient, standardized."""
         lower, upper = np.full(self.blocks.count, -np.inf), np.full(self.blocks.count, np.inf)
         for h, basis in zip(self.every, self.bases, strict=True):
             if len(basis) == 1:
                 lower[h.columns], upper[h.columns] = h.least / basis[0], h.most / basis[0]
-        return Allowed(lower, upper)
+        return SingleBounds(lower, upper)
 
     def exchange(self, came: Iterable[int], gone: Iterable[int] = ()) -> tuple[IntArray, Array]:
         """Columns whose priors change as causes come and go, and by how much; not ascending."""

@@ -31,7 +31,7 @@ _AT_ONCE = 2**20  # numbers of all small matrices: 8 MB
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Allowed:
+class SingleBounds:
     """(K,) bounds of single coefficients where these are a cause's, of prior variance one."""
 
     lower: Array
@@ -85,13 +85,13 @@ class Marginal:
         at = self._at(columns)
         return Marginal(columns, self.matrix[np.ix_(at, at)], self.vector[at], self.log_density)
 
-    def gains(self, columns: IntArray, change: Array, allowed: Allowed | None = None) -> Array:
+    def gains(self, columns: IntArray, change: Array, bounds: SingleBounds | None = None) -> Array:
         """(c,) by which the log density grows with each of c exchanges of priors by itself.
 
         Args:
             columns: (c, k) whose prior variances change in each.
             change: (c, k) by how much.
-            allowed: What single coefficients may be: the gain is then at most so much.
+            bounds: What single coefficients may be: the gain is then at most so much.
         """
         out, step = np.empty(len(columns)), max(_AT_ONCE // columns.shape[1] ** 2, 1)
         for start in range(0, len(columns), step):
@@ -102,9 +102,9 @@ class Marginal:
             solved = np.asarray(np.linalg.solve(matrix, right[:, :, None])[:, :, 0], dtype=float)
             _, logarithm = np.linalg.slogdet(matrix)
             out[part] = 0.5 * np.sum(right * more * solved, axis=1) - 0.5 * logarithm
-            if allowed is not None:
+            if bounds is not None:
                 told: Array = np.diagonal(np.linalg.solve(matrix, own), axis1=1, axis2=2)
-                out[part] -= allowed.loss(columns[part], more, solved, told)
+                out[part] -= bounds.loss(columns[part], more, solved, told)
         return out
 
     def changed(self, columns: IntArray, change: Array) -> Marginal:

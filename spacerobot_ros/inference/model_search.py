@@ -179,7 +179,7 @@ def _gains(hypotheses: Hypotheses, now: ChosenSet, moves: Sequence[_Move]) -> Ar
     for which in by_size.values():
         columns = np.array([pairs[k][0] for k in which])
         change = np.array([pairs[k][1] for k in which])
-        out[which] += now.marginal.gains(columns, change, hypotheses.allowed)
+        out[which] += now.marginal.gains(columns, change, hypotheses.single_bounds)
     return out
 
 

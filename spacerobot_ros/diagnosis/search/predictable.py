@@ -15,7 +15,7 @@ from ...estimation.trajectory.reference import NoiseLevels
 from ...recording.record import Record
 from ..arms.arm_found import ArmFound
 from ..limits import LIKE_NOISE, MISFIT
-from .linearized import Columns, Linearized
+from .linear_rows import CandidateColumns, LinearRows
 from .timing import log_odds_of, timings
 
 _PART, _PASSES, _TRIED, _LEFT = 1000, 3, 3, 2.0
@@ -37,7 +37,7 @@ def is_predictable(found: ArmFound, noise: NoiseLevels, kinds: Sequence[type[Eff
     if (fit.rows.whiteness()[0] or 0.0) >= MISFIT:
         return True
     hidden = [kind for kind in kinds if kind.hidden]
-    beside = Linearized(fit, Columns.of(fit, hidden)).alone()
+    beside = LinearRows(fit, CandidateColumns.of(fit, hidden)).alone()
     guesses = [(*fit.causes, guess) for _, guess in beside[:_TRIED]]
     data = [refine(fit.run, guess, _PASSES).data for guess in guesses]
     return any(float(x @ x) <= _LEFT * len(x) for x in data)

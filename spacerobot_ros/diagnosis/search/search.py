@@ -1,6 +1,6 @@
 """The causes of what a predicting filter misses: the best set on columns, fitted as it really is.
 
-Columns hold for small effects only. What a set loses most by is fitted, and columns are made anew
+CandidateColumns hold for small effects only. What a set loses most by is fitted, and columns are made anew
 where these rows are far from what the old ones promised; until the set that columns want is the
 one that was fitted, and its causes predict parts of the record.
 """
@@ -26,7 +26,7 @@ from ...inference.inferred import Inferred, InferredCause, infer
 from ...inference.model_search import ChosenSet, best_set
 from ...types import Array
 from ..limits import CURVED, MISFIT, MOST_CAUSES
-from .linearized import Columns, Linearized, Variant, variant_of
+from .linear_rows import CandidateColumns, LinearRows, Variant, variant_of
 from .timing import FITS, log_odds_of, timings
 
 _AT_ONCE = 4
@@ -43,20 +43,20 @@ class Found:
 
     Args:
         null: The model as it stands.
-        linearized: The model with all causes, and everything else as columns.
+        rows: The model with all causes, and everything else as columns.
         inferred: What that says.
         rivals: By cause, what could stand in its place, with the log odds against that.
     """
 
     null: Fit
-    linearized: Linearized
+    rows: LinearRows
     inferred: Inferred
     rivals: Mapping[Key, Mapping[Key, float]]
 
     @property
     def fit(self) -> Fit:
         """The model with all causes."""
-        return self.linearized.fit
+        return self.rows.fit
 
     @property
     def is_good(self) -> bool:
@@ -72,7 +72,7 @@ class Found:
     @cached_property
     def hypotheses(self) -> Hypotheses:
         """The causes in the order of `fit`, and all else."""
-        now = self.linearized
+        now = self.rows
         return Hypotheses(now.blocks(now.data), now.hypotheses)
 
     @property
@@ -155,9 +155,9 @@ class Search:
         null = Fit(run.timed(self._now.fit.run.timing), ())
         return Found(null, self._now, inferred, self._rivals(inferred))
 
-    def _about(self, fit: Fit) -> Linearized:
+    def _about(self, fit: Fit) -> LinearRows:
         self._report(f'judging every effect beside {len(fit.causes)} causes', 0.2)
-        return Linearized(fit, Columns.of(fit, self._kinds))
+        return LinearRows(fit, CandidateColumns.of(fit, self._kinds))
 
     def _open(self) -> list[Hypothesis]:
         """Hypotheses, those that proved to be none without a chance."""
@@ -285,11 +285,11 @@ class Search:
         self.__dict__.pop('_by_timing', None)
         return bool(new)
 
-    def _moved(self, fit: Fit) -> Linearized:
+    def _moved(self, fit: Fit) -> LinearRows:
         """About another fit, with the columns that there are where its rows are as promised."""
         now = self._now
         if len(fit.data) == len(now.fit.data):
-            ahead = Linearized(fit, now.columns)
+            ahead = LinearRows(fit, now.columns)
             off = ahead.data - now.data
             if 0.5 * float(off @ off) < CONFOUNDED:
                 return ahead

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spacerobot_ros.diagnosis.search.linearized import Columns, Linearized, variant_of
+from spacerobot_ros.diagnosis.search.linear_rows import CandidateColumns, LinearRows, variant_of
 from spacerobot_ros.diagnosis.search.search import Search
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
 from spacerobot_ros.estimation.fit import Fit
@@ -34,13 +34,13 @@ def run():
 def null(run):
     """Return the model as it stands with its candidates."""
     fit = Fit(run, ())
-    return Linearized(fit, Columns.of(fit, KINDS))
+    return LinearRows(fit, CandidateColumns.of(fit, KINDS))
 
 
 def test_what_a_fit_has_stands_by_its_tangents(run, null):
     """The same set, values and evidence about both, where what is hidden is all but linear."""
     _, guess = null.alone()[0]
-    ahead = Linearized(refine(run, [guess]), null.columns)
+    ahead = LinearRows(refine(run, [guess]), null.columns)
     np.testing.assert_allclose(ahead.data, null.data, rtol=0.0, atol=0.05)  # of a deviation
     values = []
     for now in (null, ahead):

@@ -58,12 +58,12 @@ def variant_of(named: Hypothesis | InferredCause) -> Variant:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Columns:
+class CandidateColumns:
     """Candidates as columns about a model.
 
     Args:
         candidates: The candidates.
-        places: Columns of each.
+        places: CandidateColumns of each.
         rows: (R, K) columns, in single precision: no column is better than that.
         products: (K, K) of columns with columns.
     """
@@ -74,7 +74,7 @@ class Columns:
     products: Array
 
     @classmethod
-    def of(cls, fit: Fit, kinds: Iterable[type[Effect]]) -> Columns:
+    def of(cls, fit: Fit, kinds: Iterable[type[Effect]]) -> CandidateColumns:
         """Of everything that may be a cause.
 
         Effects with states of their own (springs, sloshing) are dear, and leave slow errors or
@@ -99,7 +99,7 @@ class Columns:
 
 
 @dataclass(frozen=True, eq=False)
-class Linearized:
+class LinearRows:
     """A fit, and candidates beside its causes.
 
     Args:
@@ -108,7 +108,7 @@ class Linearized:
     """
 
     fit: Fit
-    columns: Columns
+    columns: CandidateColumns
 
     @cached_property
     def offsets(self) -> Array:
