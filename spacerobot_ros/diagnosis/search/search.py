@@ -1,6 +1,6 @@
 """The causes of what a predicting filter misses: the best set on columns, fitted as it really is.
 
-CandidateColumns hold for small effects only. What a set loses most by is fitted, and columns are made anew
+Columns hold for small effects only. What a set loses most by is fitted, and columns are made anew
 where these rows are far from what the old ones promised; until the set that columns want is the
 one that was fitted, and its causes predict parts of the record.
 """
