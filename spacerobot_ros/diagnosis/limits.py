@@ -66,6 +66,18 @@ CURVED = 0.1
 at ten times their limit are. Causes of a lesser share than that are fitted later, and a set that
 does worse by less than that is fitted."""
 
+AT_ONCE, AHEAD = 4, 8
+"""Causes that are fitted before columns are made anew, and that columns may want beyond a fit's, so
+that they are seen beside each other: both bound the run time of a model that is far off."""
+
+FITS = 0.05
+"""Probability of a fit from which a timing of the efforts asks for no cause beside it: for one
+right model in twenty every timing is compared with a cause beside it, which costs time alone."""
+
+HELD = -10.0
+"""Log odds of efforts that are held between stamps, against samples of a smooth torque: where
+noise hides how they act, means of two samples miss by some nats less, whatever is right."""
+
 FAMILYWISE = 3.0
 """Nats of log evidence beyond ln of the number of hypotheses: exp(-3) = 5 % of all records with a
 false name, were the level of what is left right and nothing else asked; the parts of the data that

@@ -25,16 +25,9 @@ from ...inference.hypothesis import Hypothesis
 from ...inference.inferred import Inferred, InferredCause, infer
 from ...inference.model_search import ChosenSet, best_set
 from ...types import Array
-from ..limits import CURVED, MISFIT, MOST_CAUSES
+from ..limits import AHEAD, AT_ONCE, CURVED, FITS, MISFIT, MOST_CAUSES
 from .linear_rows import CandidateColumns, LinearRows, Variant, variant_of
-from .timing import FITS, log_odds_of, timings
-
-_AT_ONCE = 4
-"""Causes that are fitted before columns are made anew: only bounds the freedom of a fit whose
-first values are far off."""
-_AHEAD = 2 * _AT_ONCE
-"""Causes that columns may want beyond those of the fit: so many that those which are fitted are
-seen beside each other."""
+from .timing import log_odds_of, timings
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +180,7 @@ class Search:
             if variant_of(h).key not in held and loss >= large
         ]
         kept = [h for h in wanted.causes if variant_of(h).key in held]
-        return self._tries([*kept, *new[:_AT_ONCE]], wanted.mean, wanted.timing)
+        return self._tries([*kept, *new[:AT_ONCE]], wanted.mean, wanted.timing)
 
     @property
     def timing(self) -> str:
@@ -222,7 +215,7 @@ class Search:
         timing, held = self.timing, len(self._now.fit.causes)
         under = self._by_timing[timing]
         hypotheses = under.hypotheses
-        found = best_set(hypotheses, under.few.chosen, is_thorough=False, most=held + _AHEAD)
+        found = best_set(hypotheses, under.few.chosen, is_thorough=False, most=held + AHEAD)
         chosen = sorted(found.chosen)
         losses = []
         for i in chosen:

@@ -12,12 +12,8 @@ from __future__ import annotations
 
 from ...estimation.filters.measured_torque import TIMINGS
 from ...estimation.fit import Fit
+from ..limits import HELD
 
-FITS = 0.05
-"""Probability of a fit that asks for no cause beside it: one right model in twenty is compared
-with causes beside every timing, which costs time alone."""
-_HELD = -10.0
-"""Log odds of a timing other than samples of a smooth torque."""
 _IN_WORDS = {
     'held_before': 'efforts act over the interval that ends at their stamp (held torque)',
     'held_after': 'efforts act over the interval that begins at their stamp (held torque)',
@@ -35,7 +31,7 @@ def timings(fit: Fit) -> tuple[str, ...]:
 
 def log_odds_of(timing: str) -> float:
     """Prior log odds of a timing."""
-    return 0.0 if timing == 'sampled' else _HELD
+    return 0.0 if timing == 'sampled' else HELD
 
 
 def in_words(timing: str) -> tuple[str, ...]:
