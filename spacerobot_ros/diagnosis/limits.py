@@ -67,8 +67,8 @@ at ten times their limit are. Causes of a lesser share than that are fitted late
 does worse by less than that is fitted."""
 
 AT_ONCE, AHEAD = 4, 8
-"""Causes that are fitted before columns are made anew, and that columns may want beyond a fit's, so
-that they are seen beside each other: both bound the run time of a model that is far off."""
+"""Causes that are fitted before columns are made anew, and that columns may want beyond a fit's,
+to see them beside each other: both bound the run time of a model that is far off."""
 
 FITS = 0.05
 """Probability of a fit from which a timing of the efforts asks for no cause beside it: for one
