@@ -285,7 +285,7 @@ class Hypotheses:
             if h.body is not None:
                 bodies.append(_Placed(at[h.body.columns], h.body.offset, h.body.basis))
         mean = basis @ marginal.mean(columns, variances[columns])
-        covariance = basis @ marginal.covariance(columns, variances[columns]) @ basis.T
+        covariance = _positive(basis @ marginal.covariance(columns, variances[columns]) @ basis.T)
         return mean, covariance, ((lower, upper), bodies)
 
     def basis(self, which: Iterable[int]) -> Array:
@@ -315,6 +315,21 @@ class Hypotheses:
         return chosen.isdisjoint(self._conflicts[i]) and (
             needs is None or not chosen.isdisjoint(needs)
         )
+
+
+def _positive(covariance: Array) -> Array:
+    """(k, k) the same, directions that rounding left none as uncertain as it can tell."""
+    try:
+        np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:
+        sizes = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
+        values, vectors = np.linalg.eigh(covariance / np.outer(sizes, sizes))
+        root = sizes[:, None] * vectors * np.sqrt(np.maximum(values, _TOLD * values[-1]))
+        return np.asarray(root @ root.T)
+    return covariance
+
+
+_TOLD = 1e-7  # of the largest eigenvalue: rounding of `MOST_RESOLVED` times a slab
 
 
 def _inside(

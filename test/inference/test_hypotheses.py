@@ -152,3 +152,19 @@ def test_what_is_always_in_costs_no_odds():
     hypotheses = Hypotheses(problem.sums, every)
     marginal = hypotheses.marginal({0})
     assert hypotheses.objective(marginal, {0}) == hypotheses.evidence(marginal, {0})
+
+
+def test_a_covariance_that_rounding_left_not_positive_is_taken_as_one():
+    """Alike columns, far sharper than their slabs: what they do together is all that is told."""
+    rng = np.random.default_rng(3)
+    alike = rng.standard_normal((40, 1)) + 1e-9 * rng.standard_normal((40, 6))
+    blocks = GramBlocks(6)
+    blocks.add(1e6 * alike, 3e6 * alike[:, 0])
+    every = [one(k, k, lower=np.zeros(1)) for k in range(6)]
+    hypotheses = Hypotheses(blocks, every)
+    chosen = frozenset(range(6))
+    marginal = hypotheses.marginal(chosen)
+    assert math.isfinite(hypotheses.evidence(marginal, chosen))
+    mean = hypotheses.mean(marginal, chosen)
+    assert np.all(mean >= 0.0)
+    assert np.sum(mean) == pytest.approx(3.0, rel=1e-3)
