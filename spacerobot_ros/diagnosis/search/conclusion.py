@@ -13,7 +13,7 @@ from ...inference.validation import HeldOut
 from ...types import Array
 from ..answer.cause import Cause, Estimated, Evidence, Rival
 from ..answer.residuals import residuals, series
-from ..answer.result import Diagnosis, Gain
+from ..answer.result import Covariance, Diagnosis, Gain
 from ..answer.words import cause_in_words, verdict_of
 from ..limits import MISFIT, MOST_CAUSES
 from .doubts import doubts
@@ -62,6 +62,7 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
         null_p=null_p,
         next_motion=tuple(r.motion for c in named for r in c.rivals if r.motion),
         notes=(*notes, _UNFINISHED) if is_ended else notes,
+        covariance=_covariance(found, named),
     )
 
 
@@ -100,6 +101,25 @@ def _cause(found: Found, i: int, excess: float) -> Cause:
             is_relevant(p, applied.values[p.name]) for p in (fit.free[k][1] for k in own)
         ),
     )
+
+
+def _covariance(found: Found, named: Sequence[Cause]) -> Covariance | None:
+    """Of the values of named causes, with the deviations that are said with them."""
+    fit = found.fit
+    places = {
+        (fit.causes[i].key, p.name): (k, p, fit.causes[i].values[p.name])
+        for k, (i, p) in enumerate(fit.free)
+    }
+    entries = [(c.applied, name) for c in named for name in c.parameters]
+    told = [places[applied.key, name] for applied, name in entries]
+    at = np.array([k for k, *_ in told], dtype=int)
+    slopes = np.array([-1.0 if p.role == 'reciprocal' else 1.0 for _, p, _ in told])
+    slopes *= [value_std(p, value, 1.0) for _, p, value in told]
+    own = fit.covariance()
+    wider = found.deviations / np.sqrt(np.maximum(np.diag(own), np.finfo(float).tiny))
+    matrix = np.outer(slopes * wider[at], slopes * wider[at]) * own[np.ix_(at, at)]
+    names = ('/'.join(filter(None, (a.id, a.where, name))) for a, name in entries)
+    return Covariance(names=tuple(names), matrix=matrix) if entries else None
 
 
 def _gain(before: Array, after: Array) -> Gain:
