@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -75,8 +76,9 @@ class GramBlocks:
         """
         out = cls(columns.shape[1])
         vector = np.zeros(out.count)
-        for own in np.array_split(np.arange(len(data)), CLUSTERS):
-            rows, values = columns[own[0] : own[-1] + 1], data[own[0] : own[-1] + 1]
+        edges = np.linspace(0, len(data), CLUSTERS + 1).astype(int).tolist()
+        for start, end in pairwise(edges):
+            rows, values = columns[start:end], data[start:end]
             out._append(None, rows, values, 0)
             vector += rows.astype(float).T @ values
             out._information.append(np.einsum('rk,rk->k', rows, rows, dtype=float))
@@ -123,7 +125,7 @@ class GramBlocks:
             variances: (k,) of its prior.
         """
         recording = np.array(self.recording)
-        information = np.array(self._information).reshape(-1, self.count)
+        information = np.array(self._information).reshape(len(recording), self.count)
         told = information[:, columns] @ variances
         told[recording == NEVER_HELD_OUT] = 0.0
         numbers = np.unique(recording[recording != NEVER_HELD_OUT])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from spacerobot_ros.diagnosis.search.conclusion import conclude
 from spacerobot_ros.diagnosis.search.linear_rows import CandidateColumns, LinearRows, variant_of
 from spacerobot_ros.diagnosis.search.search import Search
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
@@ -77,3 +78,27 @@ def test_one_hidden_cause_is_found_with_its_value(run):
     assert found.is_good
     assert found.gain > found.causes[0].log_odds > 0.0
     assert found.only([]).causes == ()
+
+
+def test_without_candidates_nothing_is_found(run):
+    found = Search(run, [], lambda what, share: None).find()
+    assert found.fit.causes == ()
+    assert found.gain == 0.0
+    said = conclude(found, ('note',))
+    assert (said.verdict, said.causes, said.covariance) == ('unexplained', (), None)
+    assert said.notes == ('note',)
+
+
+def test_what_is_said_of_one_cause(run):
+    """Errors by the noise, with the values of other parts: one, where nothing is left."""
+    found = Search(run, KINDS, lambda what, share: None).find()
+    said = conclude(found, ())
+    assert said.verdict == 'explained', said.sentence
+    assert said.gain.before > 1.2
+    assert said.gain.after == pytest.approx(1.0, abs=0.05)  # some 5000 rows: five deviations
+    (cause,) = said.causes
+    assert 0.9 < cause.evidence.held_out_gain <= 1.0
+    assert cause.evidence.elpd_gain > 100.0
+    assert said.covariance.names == (f'{FRICTION}/joint_2/coefficient',)
+    std = cause.parameters['coefficient'].std
+    np.testing.assert_allclose(said.covariance.matrix, [[std**2]], rtol=1e-9)

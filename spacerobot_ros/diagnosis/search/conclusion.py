@@ -57,7 +57,7 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
             channels, white_before, extended.rows.whiteness()[1], null.run.robot.joints
         ),
         series=channels,
-        gain=_gain(before, after),
+        gain=_gain(before, after, len(fit.data)) if len(before) else Gain(),
         fit_p=fit_p,
         null_p=null_p,
         next_motion=tuple(r.motion for c in named for r in c.rivals if r.motion),
@@ -122,9 +122,12 @@ def _covariance(found: Found, named: Sequence[Cause]) -> Covariance | None:
     return Covariance(names=tuple(names), matrix=matrix) if entries else None
 
 
-def _gain(before: Array, after: Array) -> Gain:
+def _gain(before: Array, after: Array, count: int) -> Gain:
     """Held-out errors by the noise of the sensors, each part with values from the others."""
-    return Gain(before=math.sqrt(float(np.mean(before))), after=math.sqrt(float(np.mean(after))))
+    return Gain(
+        before=math.sqrt(float(np.sum(before)) / count),
+        after=math.sqrt(float(np.sum(after)) / count),
+    )
 
 
 def _sentence(

@@ -19,6 +19,7 @@ from ...effects.effect import Effect, Key
 from ...estimation.fit import Fit
 from ...estimation.refit import refine
 from ...estimation.runs import Run
+from ...formats import counted
 from ...inference.decisive import CONFOUNDED, FAMILYWISE, RISE
 from ...inference.hypotheses import Hypotheses
 from ...inference.hypothesis import Hypothesis
@@ -150,7 +151,7 @@ class Search:
         return Found(null, self._now, inferred, self._rivals(inferred))
 
     def _about(self, fit: Fit) -> LinearRows:
-        self._report(f'judging every effect beside {len(fit.causes)} causes', 0.2)
+        self._report('judging every effect at every place', 0.2)
         return LinearRows(fit, CandidateColumns.of(fit, self._kinds))
 
     def _open(self) -> list[Hypothesis]:
@@ -267,7 +268,7 @@ class Search:
         A set that was left does not come back, so that this ends.
         """
         now = self._now.fit
-        self._report(f'fitting {len(causes)} causes', 0.4)
+        self._report(f'fitting {counted(len(causes), "cause")}', 0.4)
         run = now.run if timing == now.run.timing else now.run.timed(timing)
         fit = refine(run, self._now.guesses(causes, mean))
         if _steps(fit) == _steps(now):
