@@ -6,19 +6,11 @@ MISFIT = 1e-4
 """Probability below which a model does not fit. A stated error rate: one clean record in 10,000 is
 `unexplained` for nothing; the campaign saw none in 284 (validation/results)."""
 
-INCONSTANT = 1e-4
-"""Probability below which a cause's parameters are not the same all along the record. The same
-error rate as `MISFIT`, for the same reason: a cause that changes is no constant cause."""
-
 DRIFTING = 1e-2
 """Probability, of a right model, of a fit as bad, or values that drift as much, from which causes
 may stand for another one. A stated error rate: one right answer in 100 is `partly_explained` for
 nothing. It is less sharp than others as only the verdict hangs on it: of 8 and then 3 wrong
 answers, for an effect that was in no catalogue, 5 drift and 2 are below it."""
-
-RESOLVED = 1.0 / 3.0
-"""Of a mode's frequency, its standard deviation from which it may not be a mode: a body that
-nothing holds, at frequency zero, is then within three deviations of it."""
 
 EXACT = 0.05
 """Of what causes do, what their models may be wrong by: columns of effects at ten times their
@@ -34,6 +26,12 @@ wrong explanations have 28 to 343, the campaign's right pairs and triples 272, 1
 effect m times its limit adds 30 m^2: one below 3.6 times, beside one that is 2.3 to 20 times as
 far above its own, is the price."""
 
+CANCELLED = 2.0
+"""Squares of what causes change each, by the square of what they change together, from which they
+explain nothing: two of a size undo half of each, at a correlation of -1/2. Of 52 pairs and triples
+as the campaign hides them 3 have more (2.1, 2.7, 8.5), the others at most 1.4; what stood for an
+effect that was in no catalogue had 1.4 to 120 in 5 of 11 records."""
+
 FALSE_ALARMS = 1e-3
 """Expected false names a record, over all candidates and the values that were searched
 (Bonferroni). The campaign saw 1 in 284 clean records, 95 % bound 2 %."""
@@ -43,64 +41,42 @@ EQUIVALENT = 6.0
 begins at 150 to 1 (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995)); Laplace's approximation is
 good to about a nat."""
 
-FREEDOM = 3.0
-"""Times `EQUIVALENT` that a cause of more numbers may lose by its freedom alone and stay a rival:
-two numbers more cost up to 2 * ln(1 + rows) / 2, some 10 nats, without fitting any worse."""
-
 SUSPICIOUS = 0.1
 """Probability of the fit below which effects with states of their own are looked at, too. They
 leave slow errors or spectral lines where they are visible at all, so this costs no name: a tenth
 of all clean records is searched for nothing."""
 
-MOST_CAUSES = 6
-"""Causes of a record of `BUDGETED` seconds whose columns hold for small effects only; more than
-three at once were never told apart in it, so this only ends a search that has gone astray."""
-
-MOST_MODELS = 120
-"""Models of such a record and one timing of its efforts after which nothing new is tried: bounds
-the run time, and is said."""
+MOST_CAUSES = 12
+"""Causes of a record whose columns hold for small effects only: bounds the run time where nothing
+fits, and is said. More than three at once were never told apart in 20 s."""
 
 BUDGETED = 20.0
-"""Seconds of record that these two numbers are meant for. They grow with the square root of a
-longer one's length, as what can be told from its noise does."""
-
-MOST_TURNS = 2
-"""Times `MOST_MODELS` where causes proved unsound and the model does not fit without them: what
-stood in their place has to be chosen, compared and fitted afresh."""
-
-MOST_FALLS = 2
-"""Turns in a row, each of which ends with less evidence than the one before, after which there is
-none: a slow torque of the base that follows the attitude had five, each cause in the place of the
-last as unsound and telling less, and none was named."""
-
-OBVIOUS = 0.1
-"""Share of the largest cause's evidence from which another one is taken together with it, before
-either is fitted: twice what columns of effects at ten times their limit are wrong by."""
+"""Seconds that tell enough: no piece of a long record is shorter."""
 
 OWN_SHARE = 0.5
 """Of a cause's evidence that has to be left beside another one for both to be taken together: what
 two bodies in a row tell alike belongs to one of them, and only fits say to which."""
 
-MOST = 0.5
-"""Most of a misfit: what one cause must take of what steps of a free base's momentum do, for
-causes to be searched in their place; and what must be removed by that to which unsound causes gave
-way, for it to be named where the record is not explained: a lesser share is what any rival takes.
-"""
+UNLIKE_STEPS = 100.0
+"""Nats of causes that leave nothing which no step of the momentum can be: it shows for some four
+seconds, and what lasts leaves a few of its nats there at least, where `MISFIT` is 9."""
 
-CANCELLED = 2.0
-"""Squares of what causes change each, by the square of what they change together, from which they
-explain nothing: two of a size undo half of each, at a correlation of -1/2. Of 52 pairs and triples
-as the campaign hides them 3 have more (2.1, 2.7, 8.5), the others at most 1.4; what stood for an
-effect that was in no catalogue had 1.4 to 120 in 5 of 11 records."""
+CURVED = 0.1
+"""Share of what a cause adds by which columns may be wrong about it: twice what those of effects
+at ten times their limit are. Causes of a lesser share than that are fitted later, and a set that
+does worse by less than that is fitted."""
 
-SHORTLIST, CLOSE_SHARE, CLOSE_GAP = 4, 0.9, 25.0
-"""Who is fitted as it really is beside the best: at most so many, with this share of its evidence
-or within this many nats. Columns and fits of effects at ten times their limit differ by some 5 %
-of the evidence; the number bounds the run time."""
+AT_ONCE, AHEAD = 4, 8
+"""Causes that are fitted before columns are made anew, and that columns may want beyond a fit's,
+to see them beside each other: both bound the run time of a model that is far off."""
 
-ALIKE_SHARE, MOST_ALIKE = 0.5, 2
-"""The same effect elsewhere that is fitted, too: neighbouring links share their columns, so that
-half the evidence may belong to the other place."""
+FITS = 0.05
+"""Probability of a fit from which a timing of the efforts asks for no cause beside it: for one
+right model in twenty every timing is compared with a cause beside it, which costs time alone."""
+
+HELD = -10.0
+"""Log odds of efforts that are held between stamps, against samples of a smooth torque: where
+noise hides how they act, means of two samples miss by some nats less, whatever is right."""
 
 LIKE_NOISE = 3.0
 """Times what sensor noise leaves of a torque in the band that may be left for a search to the

@@ -43,7 +43,11 @@ class Alternative:
 
 
 def alternatives(
-    hypotheses: Hypotheses, found: ChosenSet, i: int, barred: Collection[int]
+    hypotheses: Hypotheses,
+    found: ChosenSet,
+    i: int,
+    barred: Collection[int],
+    most: float = math.inf,
 ) -> tuple[list[Alternative], ChosenSet]:
     """The best set without a cause, then without what stood in its place, and so on while close.
 
@@ -52,6 +56,7 @@ def alternatives(
         found: The set with it.
         i: The cause.
         barred: What may not come.
+        most: Causes that no other joins.
 
     Returns:
         The alternatives, best first, and the best set among them.
@@ -60,7 +65,7 @@ def alternatives(
     closed, out, sets = {*barred, *hypotheses.families[i]}, list[Alternative](), list[ChosenSet]()
     is_thorough = len(found.chosen) * len(hypotheses.open) <= THOROUGH
     while len(out) < MOST_RIVALS:
-        other = best_set(hypotheses, rest, closed, is_thorough=is_thorough)
+        other = best_set(hypotheses, rest, closed, is_thorough=is_thorough, most=most)
         instead = sorted(other.chosen - found.chosen)
         sets.append(other)
         out.append(

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..types import Array, IntArray
-from .decisive import PARTS, TELLING
+from .decisive import CLUSTERS, PARTS, TELLING
 from .gram import Gram
 
 NEVER_HELD_OUT = -1
@@ -23,11 +25,11 @@ class _KeptBlock(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _KeptRows:
-    columns: Array
+    columns: NDArray[np.floating]
     data: Array
 
     def of(self, columns: IntArray) -> Gram:
-        return Gram.of(self.columns[:, columns], self.data)
+        return Gram.of(self.columns[:, columns].astype(float), self.data)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,6 +68,26 @@ class GramBlocks:
         self._blocks: list[_KeptBlock] = []
         self._information: list[Array] = []
 
+    @classmethod
+    def of_rows(cls, columns: NDArray[np.floating], data: Array, matrix: Array) -> GramBlocks:
+        """Rows in `CLUSTERS` runs of equal length, kept as they are, of single precision too.
+
+        Args:
+            columns: (R, K).
+            data: (R,).
+            matrix: (K, K) columns' columns.
+        """
+        out = cls(columns.shape[1])
+        vector = np.zeros(out.count)
+        edges = np.linspace(0, len(data), CLUSTERS + 1).astype(int).tolist()
+        for start, end in pairwise(edges):
+            rows, values = columns[start:end], data[start:end]
+            out._append(None, rows, values, 0)
+            vector += rows.astype(float).T @ values
+            out._information.append(np.einsum('rk,rk->k', rows, rows, dtype=float))
+        out.whole = Gram(matrix, vector, float(data @ data), len(data))
+        return out
+
     def add(self, columns: Array, data: Array, recording: int = 0, log_scale: float = 0.0) -> None:
         """Add a block of rows (r, K) and data (r,); see `log_scale`."""
         gram = Gram.of(columns, data)
@@ -92,7 +114,9 @@ class GramBlocks:
         self.recording.append(recording)
         self._count_in(gram if places is None else gram.placed(places), log_scale)
 
-    def _append(self, gram: Gram | None, columns: Array, data: Array, recording: int) -> None:
+    def _append(
+        self, gram: Gram | None, columns: NDArray[np.floating], data: Array, recording: int
+    ) -> None:
         self._blocks.append(_KeptRows(columns, data) if gram is None else _KeptSums(gram))
         self.recording.append(recording)
 
@@ -118,7 +142,7 @@ class GramBlocks:
             variances: (k,) of its prior.
         """
         recording = np.array(self.recording)
-        information = np.array(self._information).reshape(-1, self.count)
+        information = np.array(self._information).reshape(len(recording), self.count)
         told = information[:, columns] @ variances
         told[recording == NEVER_HELD_OUT] = 0.0
         numbers = np.unique(recording[recording != NEVER_HELD_OUT])

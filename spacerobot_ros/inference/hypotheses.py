@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Collection, Hashable, Iterable, Sequence, Set
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -24,7 +25,7 @@ from .gram import Gram
 from .gram_blocks import GramBlocks
 from .hypothesis import Hypothesis, covariance_of, standardized
 from .interior_point import ConstrainedProblem, MatrixInequality
-from .marginal import Marginal
+from .marginal import Marginal, SingleBounds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,6 +112,13 @@ class Hypotheses:
         """Whether the rows say anything of a hypothesis."""
         return self._is_seen[i]
 
+    def with_data(self, blocks: GramBlocks) -> Hypotheses:
+        """The same about other data; blocks of the same columns."""
+        out = copy(self)
+        out.blocks = blocks
+        out.__dict__.pop('whole', None)
+        return out
+
     @cached_property
     def whole(self) -> Gram:
         """Sums over all rows, of standardized coefficients."""
@@ -169,6 +177,15 @@ class Hypotheses:
         )
         grams = [gram for gram in self.grams(active) if gram.rows]
         return FittedBlocks(columns, mean, covariance, grams)
+
+    @cached_property
+    def single_bounds(self) -> SingleBounds:
+        """Bounds of causes that are one coefficient, standardized."""
+        lower, upper = np.full(self.blocks.count, -np.inf), np.full(self.blocks.count, np.inf)
+        for h, basis in zip(self.every, self.bases, strict=True):
+            if len(basis) == 1:
+                lower[h.columns], upper[h.columns] = h.least / basis[0], h.most / basis[0]
+        return SingleBounds(lower, upper)
 
     def exchange(self, came: Iterable[int], gone: Iterable[int] = ()) -> tuple[IntArray, Array]:
         """Columns whose priors change as causes come and go, and by how much; not ascending."""
@@ -268,7 +285,7 @@ class Hypotheses:
             if h.body is not None:
                 bodies.append(_Placed(at[h.body.columns], h.body.offset, h.body.basis))
         mean = basis @ marginal.mean(columns, variances[columns])
-        covariance = basis @ marginal.covariance(columns, variances[columns]) @ basis.T
+        covariance = _positive(basis @ marginal.covariance(columns, variances[columns]) @ basis.T)
         return mean, covariance, ((lower, upper), bodies)
 
     def basis(self, which: Iterable[int]) -> Array:
@@ -298,6 +315,21 @@ class Hypotheses:
         return chosen.isdisjoint(self._conflicts[i]) and (
             needs is None or not chosen.isdisjoint(needs)
         )
+
+
+def _positive(covariance: Array) -> Array:
+    """(k, k) the same, directions that rounding left none as uncertain as it can tell."""
+    try:
+        np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:
+        sizes = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
+        values, vectors = np.linalg.eigh(covariance / np.outer(sizes, sizes))
+        root = sizes[:, None] * vectors * np.sqrt(np.maximum(values, _TOLD * values[-1]))
+        return np.asarray(root @ root.T)
+    return covariance
+
+
+_TOLD = 1e-7  # of the largest eigenvalue: rounding of `MOST_RESOLVED` times a slab
 
 
 def _inside(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -93,7 +94,7 @@ class Inferred:
         return 'explained' if self.goodness.is_good and is_plausible else 'partly_explained'
 
 
-def infer(blocks: GramBlocks, every: Sequence[Hypothesis]) -> Inferred:
+def infer(blocks: GramBlocks, every: Sequence[Hypothesis], most: float = math.inf) -> Inferred:
     """Find the causes that rows want and that predict their parts.
 
     What fails the validation is excluded, and the search goes on. It ends: each round excludes
@@ -102,13 +103,14 @@ def infer(blocks: GramBlocks, every: Sequence[Hypothesis]) -> Inferred:
     Args:
         blocks: The rows, in `CLUSTERS` blocks or more.
         every: The hypotheses.
+        most: Causes that no other joins.
 
     Raises:
         ValueError: rows and hypotheses do not fit each other, or there are too few blocks.
     """
     hypotheses = Hypotheses(blocks, every)
     barred = set[int]()
-    found = best_set(hypotheses)
+    found = best_set(hypotheses, most=most)
     while True:
         held_out = HeldOut(hypotheses, found.chosen)
         asked = sorted(found.chosen - hypotheses.always)
@@ -117,23 +119,27 @@ def infer(blocks: GramBlocks, every: Sequence[Hypothesis]) -> Inferred:
         if worst is not None:
             barred.add(worst)
             rest = found.chosen - hypotheses.dependents(found.chosen, [worst])
-            found = best_set(hypotheses, rest, barred)
+            found = best_set(hypotheses, rest, barred, most=most)
             continue
-        others, better = _alternatives(hypotheses, found, asked, barred)
+        others, better = _alternatives(hypotheses, found, asked, barred, most)
         if better is None:
             return _inferred(hypotheses, found, held_out, gains, others, barred)
         found = better
 
 
 def _alternatives(
-    hypotheses: Hypotheses, found: ChosenSet, asked: Sequence[int], barred: set[int]
+    hypotheses: Hypotheses,
+    found: ChosenSet,
+    asked: Sequence[int],
+    barred: set[int],
+    most: float,
 ) -> tuple[dict[int, list[Alternative]], ChosenSet | None]:
     """Sets without each cause; and one that does better than the set, where there is one."""
     out = {}
     for i in asked:
-        out[i], best = alternatives(hypotheses, found, i, barred)
+        out[i], best = alternatives(hypotheses, found, i, barred, most)
         if best.objective > found.objective + RISE:
-            return out, best_set(hypotheses, best.chosen, barred)
+            return out, best_set(hypotheses, best.chosen, barred, most=most)
     return out, None
 
 

@@ -26,7 +26,29 @@ from scipy.linalg import solve_triangular
 from ..types import Array, IntArray
 from .gram import Gram
 
+_LEAST = 1e-12  # of a prior's variance, what rounding leaves
 _AT_ONCE = 2**20  # numbers of all small matrices: 8 MB
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SingleBounds:
+    """(K,) bounds of single coefficients where these are a cause's, of prior variance one."""
+
+    lower: Array
+    upper: Array
+
+    def loss(self, columns: IntArray, change: Array, vector: Array, told: Array) -> Array:
+        """(c,) that the dearest bound costs: all together cost no less.
+
+        Args:
+            columns: (c, k).
+            change: (c, k) of their prior variances; not less: a cause's.
+            vector: (c, k) of r after it.
+            told: (c, k) of the diagonal of W after it.
+        """
+        off = np.maximum(self.lower[columns] - vector, vector - self.upper[columns])
+        off = np.where(change >= 0.0, np.maximum(off, 0.0), 0.0)
+        return np.asarray(0.5 * np.max(off**2 / np.maximum(1.0 - told, _LEAST), axis=1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,12 +96,13 @@ class Marginal:
         at = self._at(columns)
         return Marginal(columns, self.matrix[np.ix_(at, at)], self.vector[at], self.log_density)
 
-    def gains(self, columns: IntArray, change: Array) -> Array:
+    def gains(self, columns: IntArray, change: Array, bounds: SingleBounds | None = None) -> Array:
         """(c,) by which the log density grows with each of c exchanges of priors by itself.
 
         Args:
             columns: (c, k) whose prior variances change in each.
             change: (c, k) by how much.
+            bounds: What single coefficients may be: the gain is then at most so much.
         """
         out, step = np.empty(len(columns)), max(_AT_ONCE // columns.shape[1] ** 2, 1)
         for start in range(0, len(columns), step):
@@ -87,9 +110,12 @@ class Marginal:
             at, more = self._at(columns[part]), change[part]
             own, right = self.matrix[at[:, :, None], at[:, None, :]], self.vector[at]
             matrix = np.eye(at.shape[1]) + own * more[:, None, :]
-            solved = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
+            solved = np.asarray(np.linalg.solve(matrix, right[:, :, None])[:, :, 0], dtype=float)
             _, logarithm = np.linalg.slogdet(matrix)
             out[part] = 0.5 * np.sum(right * more * solved, axis=1) - 0.5 * logarithm
+            if bounds is not None:
+                told: Array = np.diagonal(np.linalg.solve(matrix, own), axis1=1, axis2=2)
+                out[part] -= bounds.loss(columns[part], more, solved, told)
         return out
 
     def changed(self, columns: IntArray, change: Array) -> Marginal:

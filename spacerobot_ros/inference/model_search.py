@@ -7,13 +7,14 @@ to find the best. Each move raises one objective: the search ends, and can not c
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..types import Array
+from ..types import Array, IntArray
 from .decisive import BOUNDED, FOLLOWED, RISE, UPDATES
 from .hypotheses import Hypotheses
 from .marginal import Marginal
@@ -55,6 +56,7 @@ def best_set(
     barred: Collection[int] = frozenset(),
     *,
     is_thorough: bool = True,
+    most: float = math.inf,
 ) -> ChosenSet:
     """The best set that moves from a start reach.
 
@@ -66,10 +68,11 @@ def best_set(
         start: The set to begin with, beside what is always in.
         barred: What may not come.
         is_thorough: Whether moves of three hypotheses are tried, or of two at most.
+        most: Hypotheses in a set that no other joins; bounds the run time where nothing fits.
     """
     now = ChosenSet.of(hypotheses, hypotheses.always | frozenset(start))
     while True:
-        ahead = _ahead(hypotheses, now, barred, is_thorough)
+        ahead = _ahead(hypotheses, now, barred, is_thorough, most)
         if ahead is not None:
             now = ahead if ahead.updates < UPDATES else ChosenSet.of(hypotheses, ahead.chosen)
         elif now.updates:
@@ -79,13 +82,20 @@ def best_set(
 
 
 def _ahead(
-    hypotheses: Hypotheses, now: ChosenSet, barred: Collection[int], is_thorough: bool
+    hypotheses: Hypotheses,
+    now: ChosenSet,
+    barred: Collection[int],
+    is_thorough: bool,
+    most: float,
 ) -> ChosenSet | None:
     """After the best move; None where none helps."""
     closed = hypotheses.always | frozenset(barred)
     free = [i for i in sorted(hypotheses.open - now.chosen) if i not in closed]
     may_go = sorted(now.chosen - hypotheses.always)
-    joining = [_Move(frozenset([i]), frozenset()) for i in _joining(hypotheses, free, now.chosen)]
+    joining = [
+        _Move(frozenset([i]), frozenset())
+        for i in (_joining(hypotheses, free, now.chosen) if len(now.chosen) < most else ())
+    ]
     going = [_Move(frozenset(), hypotheses.dependents(now.chosen, [i])) for i in may_go]
     if best := _best(hypotheses, now, [*joining, *going]):
         return best
@@ -95,7 +105,11 @@ def _ahead(
     if not is_thorough:
         return None
     twofold = _twofold(hypotheses, now, free, may_go, [*joining, *exchanges])
-    return _best(hypotheses, now, [*twofold])
+    return _best(hypotheses, now, [m for m in twofold if _count(now, m) <= most])
+
+
+def _count(now: ChosenSet, move: _Move) -> int:
+    return len(now.chosen) + len(move.came) - len(move.gone)
 
 
 def _joining(hypotheses: Hypotheses, free: Iterable[int], chosen: Set[int]) -> list[int]:
@@ -155,16 +169,26 @@ def _best(hypotheses: Hypotheses, now: ChosenSet, moves: Sequence[_Move]) -> Cho
 
 
 def _gains(hypotheses: Hypotheses, now: ChosenSet, moves: Sequence[_Move]) -> Array:
-    """(m,) by which the objective grows with each move, but for what bounds cost."""
+    """(m,) by which the objective grows with each move at most, as bounds may cost more."""
     by_size = defaultdict[int, list[int]](list)
-    pairs = [hypotheses.exchange(m.came, m.gone) for m in moves]
+    kept = [i for i in hypotheses.constrained(now.chosen) if len(hypotheses.bases[i]) == 1]
+    pairs = [_beside(hypotheses, m, kept) for m in moves]
     for k, (columns, _) in enumerate(pairs):
         by_size[len(columns)].append(k)
     out = np.array([hypotheses.prior(m.came) - hypotheses.prior(m.gone) for m in moves])
     for which in by_size.values():
         columns = np.array([pairs[k][0] for k in which])
-        out[which] += now.marginal.gains(columns, np.array([pairs[k][1] for k in which]))
+        change = np.array([pairs[k][1] for k in which])
+        out[which] += now.marginal.gains(columns, change, hypotheses.single_bounds)
     return out
+
+
+def _beside(hypotheses: Hypotheses, move: _Move, kept: Iterable[int]) -> tuple[IntArray, Array]:
+    """Columns of a move and their changes, and those of causes whose bounds it may make dearer."""
+    columns, change = hypotheses.exchange(move.came, move.gone)
+    own = [hypotheses.every[i].columns for i in kept if i not in move.gone]
+    columns = np.concatenate([columns, *own])
+    return columns, np.append(change, np.zeros(len(columns) - len(change)))
 
 
 def _objective_after(hypotheses: Hypotheses, now: ChosenSet, move: _Move, least: float) -> float:

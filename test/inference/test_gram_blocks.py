@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spacerobot_ros.inference.gram import Gram
+from spacerobot_ros.inference.decisive import CLUSTERS
+from spacerobot_ros.inference.gram import Gram, sum_of
 from spacerobot_ros.inference.gram_blocks import NEVER_HELD_OUT, GramBlocks, merged
 
 
@@ -78,3 +79,18 @@ def test_a_part_sums_its_blocks():
 def test_a_block_of_other_columns_is_refused():
     with pytest.raises(ValueError, match='a block of 3 columns, not 2'):
         GramBlocks(2).add(np.zeros((4, 3)), np.zeros(4))
+
+
+def test_rows_of_single_precision_are_kept_in_clusters(rng):
+    X, y = rng.standard_normal((200, 7)).astype(np.float32), rng.standard_normal(200)
+    wide = X.astype(float)
+    blocks = GramBlocks.of_rows(X, y, wide.T @ wide)
+    columns = np.array([0, 3])
+    own = blocks.grams(columns)
+    assert len(own) == CLUSTERS
+    assert sum(gram.rows for gram in own) == blocks.whole.rows == len(y)
+    want, found = Gram.of(wide, y), sum_of(own)
+    np.testing.assert_allclose(blocks.whole.vector, want.vector, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(found.vector, want.vector[columns], rtol=0.0, atol=1e-12)
+    matrix = want.matrix[np.ix_(columns, columns)]
+    np.testing.assert_allclose(found.matrix, matrix, rtol=0.0, atol=1e-12)

@@ -12,7 +12,7 @@ from support.drawn_hypotheses import drawn
 
 from spacerobot_ros.estimation.inference.constrained import ConstrainedProblem, PhysicalBody
 from spacerobot_ros.inference.gram_blocks import GramBlocks
-from spacerobot_ros.inference.hypotheses import Hypotheses
+from spacerobot_ros.inference.hypotheses import Hypotheses, _positive
 from spacerobot_ros.inference.hypothesis import Hypothesis
 
 BODY = pin.Inertia(2.0, np.array([0.1, 0.0, 0.0]), np.diag([0.02, 0.03, 0.03]))
@@ -152,3 +152,22 @@ def test_what_is_always_in_costs_no_odds():
     hypotheses = Hypotheses(problem.sums, every)
     marginal = hypotheses.marginal({0})
     assert hypotheses.objective(marginal, {0}) == hypotheses.evidence(marginal, {0})
+
+
+def test_a_covariance_that_rounding_left_not_positive_is_taken_as_one(rng):
+    """Units apart by six orders; only the direction that is none changes, and by next to none."""
+    sizes = np.array([1.0, 1e-3, 1e3])
+    vectors = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+
+    def with_least(value):
+        return np.outer(sizes, sizes) * (vectors * [value, 1.0, 2.0] @ vectors.T)
+
+    good, bad = with_least(1e-3), with_least(-1e-9)
+    assert _positive(good) is good
+    with pytest.raises(np.linalg.LinAlgError):
+        np.linalg.cholesky(bad)
+    mended = _positive(bad)
+    np.linalg.cholesky(mended)
+    np.testing.assert_allclose(
+        mended / np.outer(sizes, sizes), bad / np.outer(sizes, sizes), rtol=0.0, atol=1e-6
+    )

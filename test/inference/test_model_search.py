@@ -12,7 +12,7 @@ from support.drawn_hypotheses import dense_log_density, drawn
 from spacerobot_ros.inference.gram_blocks import GramBlocks
 from spacerobot_ros.inference.hypotheses import Hypotheses
 from spacerobot_ros.inference.hypothesis import Hypothesis
-from spacerobot_ros.inference.model_search import ChosenSet, best_set
+from spacerobot_ros.inference.model_search import ChosenSet, _gains, _Move, best_set
 
 
 def best_of_all(hypotheses: Hypotheses) -> ChosenSet:
@@ -103,3 +103,25 @@ def test_many_columns_and_moves_keep_the_objective_exact():
     assert len(found.chosen) > 15
     anew = ChosenSet.of(hypotheses, found.chosen)
     assert found.objective == pytest.approx(anew.objective, abs=1e-6)
+
+
+def test_no_more_join_than_may():
+    hypotheses = drawn(11, is_cause=0.6).hypotheses
+    assert len(best_set(hypotheses).chosen) > 2
+    assert len(best_set(hypotheses, most=2).chosen) <= 2
+
+
+def test_no_move_gains_more_than_is_thought():
+    """A bound that is known to cost something leaves the best move the best."""
+    for seed in range(20):
+        hypotheses = drawn(seed, count=6, rows=60, odds=1.0, bounded=1.0).hypotheses
+        now = best_set(hypotheses, most=2)
+        lost = hypotheses.evidence(now.marginal, now.chosen) - now.marginal.log_density
+        moves = [
+            _Move(frozenset([i]), frozenset(gone))
+            for i in set(range(6)) - now.chosen
+            for gone in [(), *((k,) for k in now.chosen)]
+        ]
+        for move, most in zip(moves, _gains(hypotheses, now, moves) - lost, strict=True):
+            after = ChosenSet.of(hypotheses, (now.chosen - move.gone) | move.came)
+            assert after.objective - now.objective <= most + 1e-6
