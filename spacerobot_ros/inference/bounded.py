@@ -11,6 +11,7 @@ loss is below the one that is sought, so that a set of causes which is too dear 
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -47,8 +48,9 @@ def nearest(
     sizes = np.sqrt(np.diag(covariance))
     x, loss = mean, 0.0
     planes, levels = np.zeros((0, len(mean))), np.zeros(0)
+    bodies = _Inequalities(inequalities)
     for _ in range(CUTS):
-        found = [*_violated_bounds(x, bounds, sizes), *_cuts(x, inequalities)]
+        found = [*_violated_bounds(x, bounds, sizes), *bodies.cuts(x)]
         if not found:
             break
         if not len(levels):
@@ -74,16 +76,40 @@ def _violated_bounds(
             yield plane, sign * float(bound[i])
 
 
-def _cuts(x: Array, inequalities: Sequence[MatrixInequality]) -> Iterator[tuple[Array, float]]:
-    """Planes between a point and what each inequality allows."""
-    for own in inequalities:
-        matrix = own.offset + np.tensordot(x[own.columns], own.basis, 1)
-        values, vectors = np.linalg.eigh(matrix)
-        for v in vectors.T[values < -RANK * max(float(values[-1]), 0.0)]:
-            plane = np.zeros(len(x))
-            plane[own.columns] = own.basis @ v @ v
-            if np.any(plane):
-                yield plane, -float(v @ own.offset @ v)
+class _Inequalities:
+    """Matrix inequalities of like shapes, looked at together.
+
+    Args:
+        every: They.
+    """
+
+    def __init__(self, every: Sequence[MatrixInequality]) -> None:
+        shapes = defaultdict[tuple[int, ...], list[MatrixInequality]](list)
+        for own in every:
+            shapes[own.basis.shape].append(own)
+        self._stacks = [
+            (
+                np.array([own.columns for own in alike]),
+                np.array([own.offset for own in alike]),
+                np.array([own.basis for own in alike]),
+            )
+            for alike in shapes.values()
+        ]
+
+    def cuts(self, x: Array) -> Iterator[tuple[Array, float]]:
+        """Planes between a point and what each inequality allows."""
+        for columns, offsets, bases in self._stacks:
+            values, vectors = np.linalg.eigh(
+                offsets + np.einsum('bk,bkij->bij', x[columns], bases)
+            )
+            least = -RANK * np.maximum(values[:, -1], 0.0)
+            for b, k in np.argwhere(values < least[:, None]).tolist():
+                v = vectors[b, :, k]
+                own = bases[b] @ v @ v
+                if own.any():
+                    plane = np.zeros(len(x))
+                    plane[columns[b]] = own
+                    yield plane, -float(v @ offsets[b] @ v)
 
 
 def _least_distance(rows: Array, right: Array) -> Array:

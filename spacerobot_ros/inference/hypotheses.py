@@ -61,7 +61,7 @@ class Hypotheses:
         bases: (k, k) of each, see `standardized`.
         spikes: (K,) prior variance of every standardized coefficient where it is no cause's; a
             cause's is one.
-        log_odds: (H,) prior log odds of each.
+        log_odds: (H,) prior log odds of each, with those of `Standardized`.
         families: Of each, all variants of what it is one of.
     """
 
@@ -73,18 +73,22 @@ class Hypotheses:
         if len({h.key for h in every}) < len(every):
             raise ValueError('two hypotheses have one key')
         whole, self.bases, self.spikes = blocks.whole, list[Array](), np.zeros(blocks.count)
+        resolved = list[float]()
         for h in self.every:
             priors = covariance_of(h.slab), covariance_of(h.spike)
             information = whole.matrix[np.ix_(h.columns, h.columns)]
-            basis, self.spikes[h.columns] = standardized(*priors, information, whole.rows)
-            self.bases.append(basis)
+            own = standardized(*priors, information, whole.rows)
+            self.spikes[h.columns] = own.spikes
+            self.bases.append(own.basis)
+            resolved.append(own.odds)
         seen = np.diag(whole.matrix) > 0.0
         self._is_seen = [bool(seen[h.columns].any()) for h in self.every]
         asked = [
             i for i, h in enumerate(self.every) if np.isfinite(h.log_odds) and self.is_seen(i)
         ]
         usual = -math.log(max(len(asked), 1)) - FAMILYWISE
-        self.log_odds = np.array([usual + h.log_odds for h in self.every])
+        odds = zip(self.every, resolved, strict=True)
+        self.log_odds = np.array([usual + h.log_odds + more for h, more in odds])
         self.always = frozenset(i for i, h in enumerate(self.every) if h.log_odds == math.inf)
         numbers = {h.key: i for i, h in enumerate(self.every)}
         members = defaultdict[Hashable, set[int]](set)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from ..types import Array, IntArray
+from .decisive import MOST_RESOLVED
 from .interior_point import MatrixInequality
 
 
@@ -85,33 +87,46 @@ def covariance_of(prior: Array) -> Array:
     return prior if prior.ndim > 1 else np.diag(prior**2)
 
 
-def standardized(slab: Array, spike: Array, information: Array, rows: int) -> tuple[Array, Array]:
+class Standardized(NamedTuple):
+    """Coordinates in which both priors of a hypothesis are independent, see `standardized`.
+
+    Args:
+        basis: (k, k) B. spikes: (k,) tau^2.
+        odds: Log odds that make up for slabs that are wider than the data resolve.
+    """
+
+    basis: Array
+    spikes: Array
+    odds: float
+
+
+def standardized(slab: Array, spike: Array, information: Array, rows: int) -> Standardized:
     r"""Coordinates z of coefficients x = B z in which both priors are independent.
 
         x ~ N(0, slab) is z ~ N(0, 1),    x ~ N(0, spike) is z ~ N(0, diag(tau2))
 
-    Where the data are sharper than their number, N, a slab counts as one that is worth one datum
-    (unit information: Kass and Wasserman, J. Am. Stat. Assoc. 90 (1995)): what is plausible on a
-    large machine may be a million times what a small one shows. Not below a spike: what is
-    tolerated is plausible.
+    What is plausible on a large machine may be a million times what the data of a small one
+    resolve, which is no evidence against a small cause: a direction whose N rows are sharper than
+    its slab costs ln(N) / 2 as if the slab were worth one datum (unit information: Kass and
+    Wasserman, J. Am. Stat. Assoc. 90 (1995)), while values are judged by the slab itself. Not
+    where a spike is wider than that: what is tolerated is plausible.
 
     Args:
         slab: (k, k) covariance.
         spike: (k, k) covariance.
         information: (k, k) of the coefficients, all else known.
         rows: N.
-
-    Returns:
-        B (k, k) and tau2 (k,).
     """
     root = np.linalg.cholesky(slab)
     values, vectors = np.linalg.eigh(root.T @ information @ root)
     root = root @ vectors
-    tolerated = np.diag(_within(root, spike))
     unit = rows / np.maximum(values, rows)
-    root = root * np.sqrt(np.where(tolerated < unit, unit, 1.0))
+    unit[np.diag(_within(root, spike)) >= unit] = 1.0
+    width = np.minimum(MOST_RESOLVED * unit, 1.0)
+    root = root * np.sqrt(width)
     variances, vectors = np.linalg.eigh(_within(root, spike))
-    return root @ vectors, np.where(variances > _ROUNDING, variances, 0.0)
+    spikes = np.where(variances > _ROUNDING, variances, 0.0)
+    return Standardized(root @ vectors, spikes, 0.5 * float(np.sum(np.log(width / unit))))
 
 
 _ROUNDING = 1e-14  # of a slab's variance

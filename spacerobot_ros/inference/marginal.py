@@ -46,17 +46,28 @@ class Marginal:
 
     @classmethod
     def of(cls, gram: Gram, columns: IntArray, variances: Array) -> Marginal:
-        """From sums X' X, X' y (n, n), (n,) and the prior variances (n,) of the columns."""
+        """From sums X' X, X' y (n, n), (n,) and the prior variances (n,) of the columns.
+
+        With B = 1 + R G R, R the roots of the variances, W = G - G R B^-1 R G. Of columns with a
+        prior it is R^-1 (1 - B^-1) R^-1, which rounding does not touch where data are sharp.
+        """
         active = np.flatnonzero(variances)
         root = np.sqrt(variances[active])
         across = root[:, None] * gram.matrix[active]
         factor = np.linalg.cholesky(np.eye(len(active)) + across[:, active] * root)
-        both = np.column_stack([across, root * gram.vector[active]])
+        both = np.column_stack([across, root * gram.vector[active], np.eye(len(active))])
         both = solve_triangular(factor, both, lower=True, overwrite_b=True, check_finite=False)
-        half, own = both[:, :-1], both[:, -1]
+        count = len(gram.vector)
+        half, own, inverse = both[:, :count], both[:, count], both[:, count + 1 :]
         density = -0.5 * (gram.square - float(own @ own)) - float(np.sum(np.log(np.diag(factor))))
         density -= 0.5 * gram.rows * math.log(2.0 * math.pi)
-        return cls(columns, gram.matrix - half.T @ half, gram.vector - half.T @ own, density)
+        matrix, vector = gram.matrix - half.T @ half, gram.vector - half.T @ own
+        scaled = inverse / root
+        matrix[:, active] = half.T @ scaled
+        matrix[active] = matrix[:, active].T
+        matrix[np.ix_(active, active)] = np.diag(1.0 / root**2) - scaled.T @ scaled
+        vector[active] = scaled.T @ own
+        return cls(columns, matrix, vector, density)
 
     def part(self, columns: IntArray) -> Marginal:
         """The same for fewer columns, ascending."""
@@ -85,16 +96,16 @@ class Marginal:
         """With other prior variances of some columns (k,), by a change (k,)."""
         at = self._at(columns)
         across = self.matrix[:, at]
-        matrix = np.eye(len(at)) + across[at] * change
-        inner = change[:, None] * np.linalg.inv(matrix)
+        inverse = np.linalg.inv(np.eye(len(at)) + across[at] * change)
+        inner = change[:, None] * inverse
         inner = 0.5 * (inner + inner.T)
         (gain,) = self.gains(columns[None], change[None])
-        return Marginal(
-            self.columns,
-            self.matrix - across @ inner @ across.T,
-            self.vector - across @ (inner @ self.vector[at]),
-            self.log_density + float(gain),
-        )
+        matrix = self.matrix - across @ inner @ across.T
+        vector = self.vector - across @ (inner @ self.vector[at])
+        matrix[at] = inverse @ across.T  # as above, and as exact as the inverse
+        matrix[:, at] = matrix[at].T
+        vector[at] = inverse @ self.vector[at]
+        return Marginal(self.columns, matrix, vector, self.log_density + float(gain))
 
     def mean(self, columns: IntArray, variances: Array) -> Array:
         """(k,) posterior mean of coefficients of prior variances (k,)."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..types import Array
-from .decisive import FOLLOWED, RISE, UPDATES
+from .decisive import BOUNDED, FOLLOWED, RISE, UPDATES
 from .hypotheses import Hypotheses
 from .marginal import Marginal
 
@@ -145,7 +145,7 @@ def _best(hypotheses: Hypotheses, now: ChosenSet, moves: Sequence[_Move]) -> Cho
     lost = hypotheses.evidence(now.marginal, now.chosen) - now.marginal.log_density
     gains = _gains(hypotheses, now, moves) - lost  # at most: all that bounds cost is won back
     best, most = None, RISE
-    for k in np.argsort(-gains, kind='stable').tolist():
+    for k in np.argsort(-gains, kind='stable')[:BOUNDED].tolist():
         if gains[k] <= most:
             break
         gain = _objective_after(hypotheses, now, moves[k], now.objective + most) - now.objective

@@ -5,6 +5,13 @@ r"""Whether a cause predicts parts of the rows from all others.
 is the log predictive density of a part (Bernardo and Smith, Bayesian Theory (1994), 6.1.6). What a
 cause gains there, beside the same set without it and what needs it, has to be more than nothing by
 its sum, and by its scatter over the parts or without its best part.
+
+Tolerances are data, too, of which no part is left out: without a cause some of them may fit every
+part, far outside of what they are. The strain of a set is minus the log density of its tolerances,
+
+    t(S) = 1/2 sum m_j^2 / spike_j^2    over all that is no cause, m their posterior mean
+
+and what a cause takes from it counts in equal shares with the parts.
 """
 
 from __future__ import annotations
@@ -34,16 +41,30 @@ class HeldOut:
         self._hypotheses, self._chosen = hypotheses, frozenset(chosen)
         self._active = hypotheses.active(self._chosen)
         self._grams = hypotheses.grams(self._active)
-        self._whole = hypotheses.whole.part(hypotheses.columns_of(self._active))
+        self._columns = hypotheses.columns_of(self._active)
+        self._variances = hypotheses.variances(self._chosen)[self._columns]
+        self._whole = hypotheses.whole.part(self._columns)
         self._marginals: dict[bytes, list[Marginal]] = {}
-        self._full = self._marginal(self._whole)
+        self._every = Marginal.of(self._whole, self._columns, self._variances)
+        self._full = self._every.part(hypotheses.columns_of(self._chosen))
 
     def gains(self, i: int) -> Array:
-        """(P,) log predictive density that a cause adds to each part."""
+        """(P,) log predictive density that a cause adds to each part, and to tolerances."""
         gone = self._hypotheses.dependents(self._chosen, [i])
         every = [self._full, *self._rests(self._labels([i]))]
         full, *rest = (self._evidence(m) - self._evidence(m, gone) for m in every)
-        return full - np.array(rest)
+        strain = self._strain(gone) - self._strain()
+        return full - np.array(rest) + strain / len(rest)
+
+    def _strain(self, gone: Collection[int] = frozenset()) -> float:
+        """Of the tolerances of the set without some causes."""
+        marginal = self._every
+        if gone:
+            marginal = marginal.changed(*self._hypotheses.exchange((), gone))
+        causes = self._hypotheses.columns_of(self._chosen - frozenset(gone))
+        tolerated = ~np.isin(self._columns, causes)
+        spikes = self._hypotheses.spikes[self._columns[tolerated]]
+        return 0.5 * float(spikes @ marginal.vector[tolerated] ** 2)
 
     def density(self) -> Array:
         """(P,) log predictive density of each part under the whole set."""
@@ -53,11 +74,11 @@ class HeldOut:
     def squares(self) -> tuple[Array, Array]:
         """(P,) squared rows of each part, and what is left of them by values of the others."""
         labels = self._labels(self._chosen)
-        columns = self._hypotheses.columns_of(self._active)
-        variances = self._hypotheses.variances(self._chosen)[columns]
+        variances = self._variances
         parts = [part for part in merged(self._grams, labels) if part.rows]
         means = (
-            Marginal.of(self._whole - p, columns, variances).vector * variances for p in parts
+            Marginal.of(self._whole - p, self._columns, variances).vector * variances
+            for p in parts
         )
         after = [part.misfit(mean) for part, mean in zip(parts, means, strict=True)]
         return np.array([part.square for part in parts]), np.array(after)
@@ -80,9 +101,7 @@ class HeldOut:
 
     def _marginal(self, gram: Gram) -> Marginal:
         """Of some rows, for the columns of the set alone."""
-        columns = self._hypotheses.columns_of(self._active)
-        variances = self._hypotheses.variances(self._chosen)[columns]
-        out = Marginal.of(gram, columns, variances)
+        out = Marginal.of(gram, self._columns, self._variances)
         return out.part(self._hypotheses.columns_of(self._chosen))
 
     def _evidence(self, marginal: Marginal, gone: Collection[int] = frozenset()) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from spacerobot_ros.diagnosis.answer.cause import Estimated
 from spacerobot_ros.diagnosis.arms import arm_spread
 from spacerobot_ros.diagnosis.arms.fitted_arm import FittedArm
 from spacerobot_ros.diagnosis.limits import CHANCE
@@ -73,15 +74,39 @@ def test_deviations_of_laws_of_several_numbers_know_how_these_go_together(rng):
     np.testing.assert_allclose(np.mean(values, axis=0), [COULOMB, COULOMB + MORE], atol=0.05)
 
 
+def correlated(correlation):
+    """A fit of a law with two numbers, each of deviation 1 and 1.5 from nothing."""
+    precision = np.linalg.inv(np.array([[1.0, correlation], [correlation, 1.0]]))
+    vector = precision @ [1.5, 1.5]
+    grams = [Gram(precision / CLUSTERS, vector / CLUSTERS, 30.0, 30)] * CLUSTERS
+    return fit_of(grams, ['joint_stribeck_friction'], variant={'velocity': SLOW})
+
+
+def test_covariances_are_those_of_the_coefficients_by_their_parameters():
+    """Coulomb a and static friction a + b; what was put together of several causes has none."""
+    found = found_of(correlated(-0.8))
+    stds = zip(('coulomb', 'static'), arm_spread.values_std(found, 0), strict=False)
+    own = {name: Estimated(value=1.0, std=std, unit='N m') for name, std in stds}
+    causes = [SimpleNamespace(applied=found.named[0], parameters=own)]
+    said = arm_spread.covariance_of(found, causes)
+    law = 'joint_stribeck_friction/joint_1'
+    assert said.names == (f'{law}/coulomb', f'{law}/static')
+    np.testing.assert_allclose(said.matrix, [[1.0, 0.2], [0.2, 0.4]], rtol=1e-4)
+    put_together = SimpleNamespace(id='joint_asymmetric_friction', where='joint_2')
+    put_together.key, put_together.parameters = ('joint_asymmetric_friction', 'joint_2'), ()
+    forward = {'forward': Estimated(value=1.0, std=0.1, unit='N m')}
+    causes.append(SimpleNamespace(applied=put_together, parameters=forward))
+    both = arm_spread.covariance_of(found, causes)
+    assert np.all(np.isnan(both.matrix[2, :2]))
+    assert both.matrix[2, 2] == pytest.approx(0.01)
+    assert arm_spread.covariance_of(found, []) is None
+
+
 @pytest.mark.parametrize(('sign', 'clear'), [(1.0, True), (-1.0, False)])
 def test_a_cause_is_clear_as_a_whole(sign, clear):
     """Two numbers, each 1.5 deviations off: with opposite errors one of the two must be there.
 
     Correlated by -0.8 their sum is 4.7 deviations off, by 0.8 it is 1.6.
     """
-    correlation = np.array([[1.0, -0.8 * sign], [-0.8 * sign, 1.0]])
-    precision = np.linalg.inv(correlation)
-    vector = precision @ [1.5, 1.5]
-    grams = [Gram(precision / CLUSTERS, vector / CLUSTERS, 30.0, 30)] * CLUSTERS
-    fit = fit_of(grams, ['joint_stribeck_friction'], variant={'velocity': SLOW})
+    fit = correlated(-0.8 * sign)
     assert (fit.chance(0) < CHANCE) is clear

@@ -18,8 +18,8 @@ from ...model.robot import Robot
 from ...types import Array
 from .law_signals import AdaptiveSettings
 from .learning_kernel import descend, least_squares_step, sampled_step
+from .parameter_prior import prior_covariance
 from .physical_consistency import is_physical, natural_step, project
-from .prior import prior_covariance
 from .regressors import parameter_values
 
 _LEAST_SQUARES = ('adaptive_rls', 'adaptive_composite', 'adaptive_rls_paper')

@@ -10,6 +10,7 @@ from typing import cast
 import numpy as np
 
 from ...effects.effect import Effect, Key
+from ...estimation.balance.arm_candidates import GAIN
 from ...estimation.balance.balance import Balance, rms
 from ...estimation.rows import ChannelError
 from ...estimation.scaling import PROPORTIONAL, coordinate_of, origin_of
@@ -26,9 +27,8 @@ from ..events.event import Events
 from ..limits import RELEVANT
 from ..orders.orders import find_orders
 from .arm_found import WORSE, ArmFound, still_words, touched_notes
-from .arm_spread import values_std, whole_std
+from .arm_spread import covariance_of, values_std, whole_std
 from .arm_verdict import Left, doubt_notes, laws_that_matter, overall, sentence
-from .fitted_arm import GAIN
 from .friction_law import friction_laws
 from .ratios import ratios, scale_notes
 from .spring_rest import with_rests
@@ -98,6 +98,7 @@ def conclude_arm(
         orders=None if leftover is None else _orders(found),
         ratios=ratios(found),
         free_motion=free_motion(found.fit.rows.balances, found.extended),
+        covariance=covariance_of(found, named),
         method='balance',
     )
     return with_events(diagnosis, found.events.events)

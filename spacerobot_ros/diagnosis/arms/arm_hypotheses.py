@@ -8,10 +8,12 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...effects.prior import Prior
+from ...estimation.balance.arm_candidates import GAIN
 from ...estimation.balance.arm_priors import DRY, OF_LOAD, SHAPES, VISCOUS, is_kind_of
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.columns import Candidate
 from ...estimation.inference.constrained import NEXT_TO_NOTHING, PhysicalBody
+from ...inference.decisive import IMPLAUSIBLE
 from ...inference.gram_blocks import NEVER_HELD_OUT, GramBlocks
 from ...inference.hypothesis import Hypothesis
 from ...types import Array
@@ -37,12 +39,21 @@ def _hypothesis(rows: ArmRows, i: int, candidate: Candidate) -> Hypothesis:
         spike=prior.spike,
         log_odds=prior.log_odds,
         lower=candidate.lower,
-        upper=candidate.upper,
+        upper=_upper(candidate, prior),
         body=_body(rows, candidate),
         family=(candidate.key, candidate.recordings),
         needs=_needs(rows, candidate, here),
         excludes=frozenset(others),
     )
+
+
+def _upper(candidate: Candidate, prior: Prior) -> Array:
+    """(k,) bounds; of a gain, those of what is plausible.
+
+    Its column is the measured torque itself, 1 - 1 / g of which is missed: as g grows, that is any
+    torque that does not follow from the model at all.
+    """
+    return IMPLAUSIBLE * prior.sizes if candidate.kind.id == GAIN else candidate.upper
 
 
 def _is_beside(one: Candidate, other: Candidate) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from ...effects.prior import NOTHING, RUN_TO_RUN
 from ...estimation.balance.arm_priors import DRY, Machine, is_kind_of, torque_tolerance
 from ...estimation.scaling import value_std
 from ...types import Array, BoolArray
+from ..answer.cause import Cause
+from ..answer.result import Covariance
 from .arm_found import ArmFound
 
 
@@ -26,19 +29,53 @@ def values_std(found: ArmFound, i: int) -> list[float]:
         found: The causes.
         i: One of them.
     """
-    candidate, applied = found.fit.rows.candidates[i], found.named[found.clear.index(i)]
+    applied, slopes = found.named[found.clear.index(i)], _slopes(found, i)
     own = found.fit.rows.places[i]
-    mean, steps = found.fit.values[own], 1e-3 * found.fit.spread(i)
     held = _held(found.fit.rows.sizes[own], applied)
-    here = candidate.values(mean)
-    moved = [candidate.values(mean + step) for step in np.diag(steps)]
-    names = [p.name for p in applied.parameters]
-    slopes = np.array([[(m[n] - here[n]) for m in moved] for n in names]) / steps
     variances = np.sum((slopes @ found.fit.covariance(own)) * slopes, axis=1)
     stds = np.where(np.any(slopes[:, held], axis=1), math.nan, np.sqrt(variances))
     return [
         _std(p, applied, std) for p, std in zip(applied.parameters, stds.tolist(), strict=True)
     ]
+
+
+def _slopes(found: ArmFound, i: int) -> Array:
+    """(P, k) derivatives of a candidate's parameters by its coefficients."""
+    candidate, own = found.fit.rows.candidates[i], found.fit.rows.places[i]
+    mean, steps = found.fit.values[own], 1e-3 * found.fit.spread(i)
+    here = candidate.values(mean)
+    moved = [candidate.values(mean + step) for step in np.diag(steps)]
+    names = [p.name for p in found.named[found.clear.index(i)].parameters]
+    return np.array([[(m[n] - here[n]) for m in moved] for n in names]) / steps
+
+
+def covariance_of(found: ArmFound, causes: Sequence[Cause]) -> Covariance | None:
+    """Of the values of named causes, whose variances are those that are said with them.
+
+    Args:
+        found: The causes as they were found.
+        causes: As they are named; what was put together of several has no covariances.
+    """
+    numbers = {effect.key: i for effect, i in zip(found.named, found.clear, strict=True)}
+    entries = [
+        (cause.applied, name, estimated.std)
+        for cause in causes
+        for name, estimated in cause.parameters.items()
+        if math.isfinite(estimated.std)
+    ]
+    rows = np.zeros((len(entries), len(found.fit.rows.sizes)))
+    for row, (applied, name, _) in zip(rows, entries, strict=True):
+        i = numbers.get(applied.key)
+        names = [p.name for p in applied.parameters]
+        if i is None or names != [p.name for p in found.named[found.clear.index(i)].parameters]:
+            row[:] = math.nan
+            continue
+        row[found.fit.rows.places[i]] = _slopes(found, i)[names.index(name)]
+    used = np.flatnonzero(np.any(rows != 0.0, axis=0))
+    matrix = rows[:, used] @ found.fit.covariance(used) @ rows[:, used].T
+    np.fill_diagonal(matrix, [std**2 for *_, std in entries])
+    where = ('/'.join(filter(None, (a.id, a.where, name))) for a, name, _ in entries)
+    return Covariance(names=tuple(where), matrix=matrix) if entries else None
 
 
 def _std(p: Parameter, applied: Effect, std: float) -> float:

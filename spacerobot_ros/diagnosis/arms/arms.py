@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from typing import cast
@@ -10,12 +11,15 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...errors import ConfigurationError
+from ...estimation.balance.arm_candidates import GAIN
 from ...estimation.balance.arm_levels import leftover_levels
 from ...estimation.balance.arm_priors import DRY, is_kind_of
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.arm_rows_about import about_delay, about_loads
 from ...estimation.balance.motor_constants import first_constants, scaled_constant
-from ...inference.inferred import infer
+from ...inference.decisive import IMPLAUSIBLE
+from ...inference.gram_blocks import GramBlocks
+from ...inference.inferred import Inferred, infer
 from ...inference.model_search import best_set
 from ...model.robot import Robot
 from ...recording.record import Record
@@ -23,9 +27,9 @@ from ...types import Array
 from ..events.arm_events import arm_events
 from ..events.event import Spans
 from ..limits import CHANCE
-from .arm_found import ArmFound, balances_of, refuse_rest, refuse_short
+from .arm_found import WORSE, ArmFound, balances_of, refuse_rest, refuse_short
 from .arm_hypotheses import arm_hypotheses, blocks_of
-from .fitted_arm import DELAY, GAIN, FittedArm
+from .fitted_arm import DELAY, FittedArm
 
 _ROUNDS = 4
 _SETTLED = 1e-3  # of a motor constant, from round to round
@@ -114,12 +118,12 @@ def _found(
     levels = levels_of(rows, rough)
     report('choosing causes at the level that is left', 0.6)
     blocks = blocks_of(rows, levels)
-    inferred = infer(blocks, arm_hypotheses(rows))
+    inferred = _inferred(rows, blocks)
     causes = {cast(int, c.key): c for c in inferred.causes}
     fit = FittedArm(rows, blocks, tuple(sorted(causes)))
     clear = tuple(i for i in fit.chosen if fit.chance(i) < CHANCE)
     unclear = [i for i in fit.chosen if i not in clear]
-    return ArmFound(
+    found = ArmFound(
         records=tuple(records),
         robot=robot,
         believed=tuple(believed),
@@ -131,6 +135,22 @@ def _found(
         calibration=tuple(fit.effects([*unclear, *fit.calibration])),
         events=events,
     )
+    if not np.any(found.ratios > WORSE):
+        return found
+    bare = replace(found, calibration=())  # tolerances far outside of what they are help one joint
+    return min(found, bare, key=lambda some: float(np.nanmax(some.ratios)))
+
+
+def _inferred(rows: ArmRows, blocks: GramBlocks) -> Inferred:
+    """What the rows say; torques that do not follow from the model at all have no gain."""
+    every = arm_hypotheses(rows)
+    while True:
+        found = infer(blocks, every)
+        gains = (c for c in found.causes if rows.candidates[cast(int, c.key)].kind.id == GAIN)
+        endless = [c.key for c in gains if c.slabs > 0.999 * IMPLAUSIBLE]  # at its bound
+        if not endless:
+            return found
+        every = [replace(h, log_odds=-math.inf) if h.key in endless else h for h in every]
 
 
 def _chosen(rows: ArmRows, levels: Sequence[Array], barred: Collection[int]) -> FittedArm:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ...effects.effect import Effect
-from ...estimation.balance.arm_candidates import ZEROS
+from ...estimation.balance.arm_candidates import GAIN, ZEROS
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.inference.evidence import chi_square_tail
 from ...inference.cluster_robust import robust_covariance
@@ -19,7 +19,7 @@ from ...inference.marginal import Marginal
 from ...types import Array, IntArray
 from .arm_hypotheses import arm_hypotheses, blocks_of
 
-GAIN, DELAY = 'joint_torque_constant', 'effort_delay'
+DELAY = 'effort_delay'
 _TURNING = [1, 2, 3, 5, 7, 8]
 """First moments and products of inertia: a wheel's, whose rate alone is measured, are known in one
 recording only, whose first sample they are counted from."""
@@ -137,7 +137,7 @@ class FittedArm:
         """
         rows = self.rows
         gains = {
-            rows.candidates[i].where: 1.0 / (1.0 - min(float(self.values[rows.places[i][0]]), 0.9))
+            rows.candidates[i].where: 1.0 / (1.0 - float(self.values[rows.places[i][0]]))
             for i in self.chosen
             if self.is_gain(i)
         }

@@ -88,7 +88,7 @@ class InertialParameters(MovingBodyEffect):
 
     @classmethod
     def prior(cls, scale: Scale) -> Prior | None:
-        """A solid put there or lost; as the file is uncertain."""
+        """A solid put there or lost, and another density; as the file is uncertain."""
         body = scale.body
         if body is None:
             return None
@@ -104,6 +104,7 @@ class InertialParameters(MovingBodyEffect):
             heavy, spread = max(_LOAD * body.whole, heavy), max(_REACH * body.length, spread)
             extent = spread
         slab = random_solid(heavy, centre, spread, extent)
+        slab += _WRONG**2 * np.outer(body.row, body.row)
         own = body.uncertainty
         spike = np.zeros(10) if own is None else deformed(body.row, own)
         return Prior(slab, spike, -1.0)

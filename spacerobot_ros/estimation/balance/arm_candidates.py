@@ -23,6 +23,7 @@ _BY_PATH = ('joint_presliding_friction',)
 _DISPLACEMENTS = (1e-3, 3e-3, 1e-2, 3e-2)  # rad, over which dry friction builds up
 _TOGETHER = 0.05  # of a recording, in which two joints must show what couples them, either way
 _CLEARLY = 0.1  # of a rate, which the sum of two exceeds where its sign counts
+GAIN = 'joint_torque_constant'
 ZEROS = ('torque_sensor_bias', 'current_offset')
 """Of sensors, which may be set anew before each recording."""
 _REVERSALS = 4.0  # displacements that a motion must cover to slide at all, and back

@@ -168,8 +168,10 @@ class Nuisances:
             return self._act(('force', 'momentum'), all_of, values, nothing)
 
         rest, _ = added(np.zeros_like(aam))
-        by_aam = [added(unit)[0] - rest for unit in np.eye(len(aam))]
-        return *added(aam), np.reshape(np.moveaxis(by_aam, 0, -1), (*nothing.shape, len(aam)))
+        by_aam = np.zeros((*nothing.shape, len(aam)))
+        for k, unit in enumerate(np.eye(len(aam))):
+            by_aam[..., k] = added(unit)[0] - rest
+        return *added(aam), by_aam
 
     def _act(
         self,
