@@ -22,11 +22,11 @@ from ..recording.faults.motion_faults import contradictions
 from ..recording.record import Record
 from ..types import Array, IntArray
 from .least_squares import solve_least_squares
-from .maximum_likelihood import MaximumLikelihood, model_of, prepare
+from .maximum_likelihood import MaximumLikelihood, prepare
 from .online import OnlineIdentifier
 from .outliers import screened
-from .summary import Finding, Identification, Source, conclude, finding_of
-from .validity_limits import EXCHANGED_MISFIT, LARGEST_CHI2, SHORTEST
+from .summary import Identification, Source, conclude
+from .validity_limits import EXCHANGED_MISFIT, SHORTEST
 
 METHODS = ('ml', 'recursive', 'ls')
 
@@ -63,17 +63,17 @@ def identify(
     if method == 'ls':
         source = _source(record, notes, faults)
         return Identification(solve_least_squares(record, robot, settings, noise, source))
-    model = model_of(robot, settings)
-    finding, kinematics = _likeliest(model, settings, record, noise, on_pass)
-    if finding.doubt or finding.chi2_per_dof > LARGEST_CHI2:
+    model = MomentumModel(robot, settings.structure, settings.nuisances)
+    found, kinematics = _likeliest(model, settings, record, noise, on_pass)
+    if not found.is_explained:
         kept, left_out = screened(record, noise)
-        again = _likeliest(model, settings, kept, noise)[0] if left_out else finding
-        if not again.doubt and again.chi2_per_dof <= LARGEST_CHI2:
-            finding, record, notes = again, kept, (*notes, *left_out)
+        again = _likeliest(model, settings, kept, noise)[0] if left_out else found
+        if again.is_explained:
+            found, record, notes = again, kept, (*notes, *left_out)
             faults = contradictions(kept)
         else:
             faults += swapped_joints(model, kinematics, robot.joints[: model.n])
-    return conclude(model, settings, finding, _source(record, notes, faults))
+    return conclude(found, 'ml', _source(record, notes, faults))
 
 
 def _source(record: Record, notes: tuple[str, ...], faults: tuple[str, ...]) -> Source:
@@ -87,12 +87,12 @@ def _likeliest(
     record: Record,
     noise: NoiseLevels,
     on_pass: Callable[[int], None] = lambda _: None,
-) -> tuple[Finding, Kinematics]:
+) -> tuple[MaximumLikelihood, Kinematics]:
     """What maximum likelihood finds, and the motion that it is of."""
     stretch = prepare(record, noise, find_holds(record, settings.torque_hold_period))
     likelihood = MaximumLikelihood(model, settings)
     likelihood.solve(stretch, on_pass)
-    return finding_of(likelihood, 'ml'), stretch.kinematics
+    return likelihood, stretch.kinematics
 
 
 def _recursive(record: Record, robot: Robot, settings: IdentifierSettings) -> Identification:
@@ -101,21 +101,21 @@ def _recursive(record: Record, robot: Robot, settings: IdentifierSettings) -> Id
     if joints is None or joints.velocity is None or rates is None or attitudes is None:
         raise IdentificationError(f'{record.source}: method `recursive` needs joint rates')
     identifier = OnlineIdentifier(robot, settings)
-    feeds: tuple[tuple[IntArray, Callable[..., None], tuple[Array, ...]], ...] = (
-        (joints.stamp_ns, identifier.add_joints, (joints.position, joints.velocity)),
-        (rates.stamp_ns, identifier.add_rate, (rates.omega,)),
-        (attitudes.stamp_ns, identifier.add_attitude, (attitudes.q_xyzw,)),
+    series: tuple[tuple[Callable[..., None], tuple[Array | IntArray, ...]], ...] = (
+        (identifier.add_joints, (joints.stamp_ns, joints.position, joints.velocity)),
+        (identifier.add_rate, (rates.stamp_ns, rates.omega)),
+        (identifier.add_attitude, (attitudes.stamp_ns, attitudes.q_xyzw)),
     )
-    given, newest = [0] * len(feeds), max(int(stamps[-1]) for stamps, *_ in feeds)
-    until = min(int(stamps[0]) for stamps, *_ in feeds)
-    while until < newest:
-        until = min(until + round(settings.solve_period * 1e9), newest)
-        for k, (stamps, add, values) in enumerate(feeds):
-            end = int(np.searchsorted(stamps, until, side='right'))
-            for i in range(given[k], end):
-                add(int(stamps[i]), *(value[i] for value in values))
-            given[k] = end
-        identifier.solve()
+    samples = [(int(ns), add, own) for add, each in series for ns, *own in zip(*each, strict=True)]
+    samples.sort(key=lambda sample: sample[0])
+    period_ns = round(settings.solve_period * 1e9)
+    until = samples[0][0] + period_ns
+    for stamp_ns, add, own in samples:
+        while stamp_ns > until:
+            identifier.solve()
+            until += period_ns
+        add(stamp_ns, *own)
+    identifier.solve()
     found = identifier.last
     estimate = replace(found.estimate, method='recursive')
     return replace(found, estimate=replace(estimate, notes=(*record.notes, *estimate.notes)))
@@ -146,18 +146,16 @@ def swapped_joints(
 ) -> tuple[str, ...]:
     """The pair of joints whose exchange makes momentum hold, in a line; empty where none does."""
     sparse = reference.part(slice(None, None, max(1, len(reference.time) // _ROWS)))
-    as_given = _momentum_misfit(model, sparse)
     misfits = {}
-    for a, b in combinations(range(model.n), 2):
-        order = list(range(model.n))
-        order[a], order[b] = b, a
+    for pair in combinations(range(model.n), 2):
+        order = np.arange(model.n)
+        order[list(pair)] = pair[::-1]
         exchanged = replace(sparse, q=sparse.q[:, order], qd=sparse.qd[:, order])
-        misfits[joints[a], joints[b]] = _momentum_misfit(model, exchanged)
-    if not misfits:
-        return ()
-    pair = min(misfits, key=lambda names: misfits[names])
-    if misfits[pair] < EXCHANGED_MISFIT * as_given:
-        return (f'the columns of {pair[0]} and {pair[1]} seem to be swapped',)
+        misfits[_momentum_misfit(model, exchanged)] = pair
+    least = min(misfits, default=np.inf)
+    if least < EXCHANGED_MISFIT * _momentum_misfit(model, sparse):
+        a, b = (joints[k] for k in misfits[least])
+        return (f'the columns of {a} and {b} seem to be swapped',)
     return ()
 
 

@@ -30,7 +30,7 @@ from .estimate import Estimate
 from .summary import Source, too_weak, unexplained
 from .validity_limits import LARGEST_CHI2, WEAKLY_KNOWN
 
-_STEP = 1e-5  # rad, for derivatives by joint positions
+_STEP = 1e-5  # rad, rad/s; for derivatives by what is measured
 
 
 def sampled_motion(record: Record) -> Kinematics:
@@ -90,27 +90,26 @@ def solve_least_squares(
     rows, values = (motion.matrices @ columns).reshape(-1, columns.shape[2]), motion.matrices @ h0
     information = SquareRootInformation(rows.shape[1])
     information.add(rows, values.ravel())
-    constants, _ = information.solve()
-    missing = (columns @ constants) - h0
-    dof = max(missing.size - len(constants), 1)
-    information.factor /= max(float(np.linalg.norm(missing)) / dof**0.5, 1e-300)
-    _, covariance = information.solve()
+    dof = max(values.size - information.size, 1)
+    information.factor /= max((information.residual / dof) ** 0.5, 1e-300)
+    constants, covariance = information.solve()
     n = 3 * len(robot.target_wheels)
     names = (*(f'h_{g.link}_{a}' for g in robot.target_wheels for a in 'xyz'), *minimal.names)
     root = marginal(information.factor, np.arange(3, len(constants)))[:, :-1]
     singular = np.linalg.svd(root / np.linalg.norm(root, axis=0), compute_uv=False)
-    _, spread, directions = np.linalg.svd(root * _sizes(constants[3:], n))
+    sizes = [np.max(np.abs(x), initial=1e-300) for x in np.split(constants[3:], [n])]
+    _, spread, directions = np.linalg.svd(root * np.repeat(sizes, [n, len(minimal)]))
     weak = list(directions[spread < WEAKLY_KNOWN])  # unit vectors that the data hardly tell
     chi2 = _chi2(robot, minimal, motion, constants, noise) / dof
     aam, std = constants[3 : 3 + n], np.sqrt(np.diag(covariance)[3 : 3 + n])
     limit = settings.valid_std * max(float(np.linalg.norm(aam)), 1e-9)
-    reason = '; '.join(source.faults)
-    if not reason and weak:
-        reason = f'{len(weak)} of {len(names)} directions are not excited yet'
-    if not reason and len(std) and np.max(std) > limit:
-        reason = too_weak(float(np.max(std)), limit)
-    if not reason and chi2 > LARGEST_CHI2:
-        reason = unexplained(chi2)
+    reasons = [
+        '; '.join(source.faults),
+        f'{len(weak)} of {len(names)} directions are not excited yet' * bool(weak),
+        too_weak(float(np.max(std, initial=0.0)), limit) * bool(np.any(std > limit)),
+        unexplained(chi2) * (chi2 > LARGEST_CHI2),
+    ]
+    reason = next(filter(None, reasons), '')
     return Estimate(
         method='ls',
         valid=not reason,
@@ -135,12 +134,6 @@ def solve_least_squares(
     )
 
 
-def _sizes(values: Array, n_aam: int) -> Array:
-    """Sizes of wheel momenta and parameters by which directions are compared: their largest."""
-    largest = [np.max(np.abs(part), initial=1e-300) for part in (values[:n_aam], values[n_aam:])]
-    return np.repeat(largest, [n_aam, len(values) - n_aam])
-
-
 def _describe(direction: Array, names: tuple[str, ...]) -> str:
     """The direction's largest components, such as `0.71 J0xx + 0.70 J0yy`."""
     order = np.argsort(-np.abs(direction))
@@ -155,22 +148,17 @@ def _chi2(
 ) -> float:
     """Sum of squares of the missing momentum, weighted by what noise makes of it."""
 
-    def missing(q: Array) -> Array:
-        columns = momentum_columns(robot, minimal, replace(motion, q=q))
+    def missing(**changed: Array) -> Array:
+        columns = momentum_columns(robot, minimal, replace(motion, **changed))
         return np.asarray(columns @ constants - robot.servicer_wheels.body_momentum)
 
-    n, x = motion.q.shape[1], constants[len(constants) - len(minimal) :]
-    u = np.hstack([motion.omega, motion.qd])
-    M = minimal.tree.equation(motion.q, u, minimal.matrix(x), np.zeros((n + 1, 3)))[..., :-1]
-    total = motion.rotation.inv().apply(constants[:3])
-    steps = _STEP * np.eye(n)
-    by_q = [(missing(motion.q + s) - missing(motion.q - s)) / (2.0 * _STEP) for s in steps]
-    parts = [
-        noise.gyro * M[:, :3, :3],
-        noise.joint_velocity * M[:, :3, 3:],
-        noise.joint_position * np.stack(by_q, axis=2),
-        noise.attitude * skew(total),
-    ]
+    levels = {'omega': noise.gyro, 'qd': noise.joint_velocity, 'q': noise.joint_position}
+    parts = [noise.attitude * skew(motion.rotation.inv().apply(constants[:3]))]
+    for name, std in levels.items():
+        values = getattr(motion, name)
+        steps = _STEP * np.eye(values.shape[1])
+        changes = [missing(**{name: values + s}) - missing(**{name: values - s}) for s in steps]
+        parts.append(std / (2.0 * _STEP) * np.stack(changes, axis=2))
     covariance = sum(part @ np.swapaxes(part, 1, 2) for part in parts)
-    left = missing(motion.q)
+    left = missing()
     return float(np.sum(left * np.linalg.solve(covariance, left[..., None])[..., 0]))

@@ -23,6 +23,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import IdentificationError
+from ..estimation.filters.momentum_process import MomentumModel
 from ..estimation.trajectory.time_base import LONGEST_GAP
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
@@ -30,15 +31,15 @@ from ..recording.buffer import SampleBuffer
 from ..recording.record import Record
 from ..types import Array
 from .estimate import Estimate
-from .maximum_likelihood import Known, model_of
-from .misfit import Misfit
+from .maximum_likelihood import Known
 from .outliers import LONGEST_PAUSE, first_pause
 from .saved_knowledge import Knowledge
 from .segment import Past, Screened, Segment
-from .summary import Identification, Source, conclude, finding_of, nothing_known
+from .summary import Identification, Source, conclude, nothing_known
 
 _LAG = 0.5  # s of data kept back at least, where the spline is not settled yet
 _CONTEXT = 2.0  # s of data before a new stretch that its spline also fits
+_FORGIVEN = 2  # stretches in a row that contradict what was learned, before that is doubted
 _FAILURES = (ArithmeticError, LookupError, RuntimeError, ValueError)
 """What numerical libraries raise where data defeat them (`LinAlgError` is a ValueError)."""
 _WORDS = {'joints': 'joint states', 'imu': 'gyro', 'attitude': 'attitude'}
@@ -62,7 +63,7 @@ class OnlineIdentifier:
     def __init__(self, robot: Robot, settings: IdentifierSettings) -> None:
         self._settings = settings
         self._lag = max(_LAG, settings.lateness)
-        self.model = model_of(robot, settings)
+        self.model = MomentumModel(robot, settings.structure, settings.nuisances)
         self._joints = robot.joints[: self.model.n]
         self.reset()
 
@@ -73,7 +74,7 @@ class OnlineIdentifier:
     def begin_segment(self) -> None:
         """Take what comes now as another run of the same robot, whatever its stamps."""
         self.samples = SampleBuffer(self._joints, LONGEST_GAP, LONGEST_GAP)
-        self._begin(-np.inf, self._known_of(3, self.model.filter_bodies.stop))
+        self._begin(-np.inf, self._known_from(3))
 
     def copy(self) -> OnlineIdentifier:
         """What `reset`, `begin_segment` or `go_on` may change while a thread solves this one."""
@@ -114,13 +115,13 @@ class OnlineIdentifier:
         self._known = known  # when `_last` was concluded
         self._learned: Knowledge | None = None  # the two together, but for what was read
         self.samples = SampleBuffer(self._joints, LONGEST_GAP, LONGEST_GAP)
-        past = Past(source)
+        past = Past(source, Counter(), 0)
         self._segment = Segment(self.model, self._settings, self.samples, -np.inf, known, past)
 
     def _begin(self, start: float, known: Known | None) -> None:
         """Begin another segment after a time [s], knowing of the robot what is known."""
         last = self._segment
-        past = Past(last.source, last.left_out, last.misfit.anew())
+        past = Past(last.source, last.left_out, last.contradicted)
         self._segment = Segment(self.model, self._settings, self.samples, start, known, past)
 
     def add_joints(self, stamp_ns: int, q: Array, qd: Array) -> None:
@@ -157,9 +158,8 @@ class OnlineIdentifier:
             raise
         except _FAILURES as error:
             newest_ns = self.samples.newest_ns
-            self._begin(
-                np.inf if newest_ns is None else self.samples.seconds(newest_ns), self._known
-            )
+            start = np.inf if newest_ns is None else self.samples.seconds(newest_ns)
+            self._begin(start, self._known)
             raise _unusable('newest samples', error) from error
 
     def _use(self, until_ns: int | None) -> Estimate:
@@ -183,7 +183,7 @@ class OnlineIdentifier:
         record, tail = (each.between(-np.inf, before) for each in (record, tail))
         with suppress(IdentificationError):
             self._solve(record, before, (tail, count))
-        self._begin(0.5 * (before + after), self._known_of(0, self.model.filter_bodies.stop))
+        self._begin(0.5 * (before + after), self._known_from(0))
         return self._use(until_ns)
 
     def _solve(self, record: Record, end: float, newest: Screened) -> Estimate:
@@ -196,10 +196,10 @@ class OnlineIdentifier:
             if doubt := segment.learn(record, end, newest):
                 return self._leave_out(record, end, doubt, before)
             self._known = segment.likelihood.known
-            segment.misfit = Misfit(*segment.likelihood.misfit)
+            segment.accept()
             return self._conclude(end)
         except _FAILURES as error:
-            self._begin(end, self._known_of(0, self.model.filter_bodies.stop))
+            self._begin(end, self._known_from(0))
             raise _unusable(f'samples up to {end:.6g} s', error) from error
 
     def _settled(self, record: Record) -> float:
@@ -208,7 +208,7 @@ class OnlineIdentifier:
 
     def _leave_out(self, record: Record, end: float, doubt: str, before: Segment) -> Estimate:
         """Do without what is new up to a time [s]: another segment begins behind all that came."""
-        misfit = self._segment.misfit.left_out()
+        contradicted = self._segment.contradicted + 1
         if self._known is None:
             self._conclude(end)
         else:
@@ -216,17 +216,18 @@ class OnlineIdentifier:
             times = (record.joint_time, record.rate_time, record.attitude_time)
             new = {s: int(np.sum(t > before.done)) for s, t in zip(_WORDS, times, strict=True)}
             before.left_out = before.left_out + Counter(new)
-        if misfit.contradicted > 1:
-            self._known = self._known_of(3, self.model.filter_bodies.stop)
-        if self._last is not None and (self._known is None or misfit.is_lasting):
+        if contradicted > 1:
+            self._known = self._known_from(3)
+        if self._last is not None and (self._known is None or contradicted > _FORGIVEN):
             doubted = replace(self._last.estimate, valid=False, reason=doubt)
             self._last = replace(self._last, estimate=doubted)
-        self._segment.misfit = misfit
+        self._segment.contradicted = contradicted
         self._begin(float(max(record.joint_time[-1], record.rate_time[-1])), self._known)
         return self._nothing(doubt)
 
-    def _known_of(self, first: int, stop: int) -> Known | None:
-        """What is known of the constants from one up to another."""
+    def _known_from(self, first: int) -> Known | None:
+        """What is known of the constants from one on, nuisances aside."""
+        stop = self.model.filter_bodies.stop
         return None if self._known is None else self._known.of(slice(first, stop))
 
     def _conclude(self, end: float) -> Estimate:
@@ -236,8 +237,7 @@ class OnlineIdentifier:
         stamp_ns = (self.samples.origin_ns or 0) + round(segment.done * 1e9)
         self.samples.close(stamp_ns, round(keep * 1e9))
         source = replace(segment.source, stamp_ns=stamp_ns)
-        finding = finding_of(segment.likelihood, 'online')
-        self._last = found = conclude(self.model, self._settings, finding, source)
+        self._last = found = conclude(segment.likelihood, 'online', source)
         self._learned = None if known is None else Knowledge(self.model, known, found.estimate)
         return found.estimate
 

@@ -24,7 +24,7 @@ from ...types import Array, IntArray
 from ..trajectory.reference import NoiseLevels, ReferenceTrajectory
 from ..trajectory.sampled_motion import SampledMotion
 from ..trajectory.time_base import CHANNELS, channel_stamps, measured_rows
-from ..unknowns.torque_hold import Holds
+from ..unknowns.torque_hold import Holds, held_jerk
 from .kalman import StateSpace, gains_of, whiten
 from .momentum_process import MomentumModel, RateErrorModel
 from .momentum_steps import driven_by_joints, transitions_of
@@ -106,7 +106,7 @@ class Stretch(SampledMotion):
         """(R,) what nuisances add to the samples, and (R, m) its derivatives by them."""
         nuisances = model.nuisances
         is_held = self.holds is not None and nuisances.torque_hold is not None
-        jerk = model.held_jerk(self.reference, constants) if is_held else None
+        jerk = held_jerk(model.robot_at(constants), self.reference) if is_held else None
         held_parts = {'gyro': slice(0, 3), 'joint_velocity': slice(3, None)}
         totals, columns = {}, {}
         for channel, stamps in channel_stamps(self.record).items():
@@ -130,13 +130,11 @@ class MomentumFilter:
 
     Attributes:
         information: Of the constants' errors.
-        log_spread: Sum of the logarithms of the innovations' standard deviations.
     """
 
     def __init__(self, model: MomentumModel) -> None:
         self._model = model
         self.information = SquareRootInformation(model.filter_size)
-        self.log_spread = 0.0
         self._last: tuple[float, scipy.spatial.transform.Rotation] | None = None
         self._covariance = np.zeros((0, 0))
         # Mean by 1 and constants; joints count from zero between stretches.
@@ -191,7 +189,6 @@ class MomentumFilter:
         gains = gains_of(space, self._covariance)
         rows = whiten(space, gains, self._mean, drives, defects, measured)
         self._covariance = gains.end
-        self.log_spread += float(np.sum(np.log(gains.std)))
         columns, values = -rows[:, 1:], rows[:, 0]
         self.information.add(columns, values)
         return columns, values
@@ -211,8 +208,9 @@ class MomentumFilter:
         return time, rotation * correction
 
     def shift_constants(self, change: Array) -> None:
-        """Count the constants' errors from a new origin."""
-        self.information.shift(change)
+        """Count the constants' errors from a new origin: t -> t - change."""
+        factor = self.information.factor
+        factor[:, -1] -= factor[:, :-1] @ change
         self._mean[:, 0] += self._mean[:, 1:] @ change
 
 
