@@ -53,10 +53,6 @@ fits, and is said. More than three at once were never told apart in 20 s."""
 BUDGETED = 20.0
 """Seconds that tell enough: no piece of a long record is shorter."""
 
-OWN_SHARE = 0.5
-"""Of a cause's evidence that has to be left beside another one for both to be taken together: what
-two bodies in a row tell alike belongs to one of them, and only fits say to which."""
-
 UNLIKE_STEPS = 100.0
 """Nats of causes that leave nothing which no step of the momentum can be: it shows for some four
 seconds, and what lasts leaves a few of its nats there at least, where `MISFIT` is 9."""
@@ -106,12 +102,6 @@ nothing: odds of 20."""
 CHANCE = 0.0455
 """Probability, of a cause's numbers together and with their deviations as printed, from which it
 is no chance: two deviations of one number. With evidence beside it, odds of 20 are enough."""
-
-ALIKE = 6.0
-"""Numbers that the usual scatter of all causes counts for beside a cause's own. Of 104 causes of
-four recordings (KUKA, UR10e) ratios of scatter are those of F with 12 numbers, 6 to 20 within a
-nat of it: causes of one machine are about as constant as each other, and two parts alone say
-little."""
 
 NAMED = 3.0
 """Log odds from which a change has a name: odds of 20, the prior, and the scatter of blocks by
