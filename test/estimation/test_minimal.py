@@ -100,7 +100,6 @@ def check_momentum_of(robot, structure, rng):
 def test_number_of_parameters_of_table_one(axes, structure, k):
     found = minimal_set(robot_of(table_one(axes)), structure)
     assert len(found) == len(found.names) == k
-    assert found.rank_gap > 1e10
 
 
 @pytest.mark.parametrize('slides', [(), (2,), (1, 3)], ids=['turning', 'one slides', 'two slide'])

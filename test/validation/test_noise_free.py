@@ -15,7 +15,6 @@ from validation.papers.paper import momentum_motion, scenario
 def test_published_case(axes, k, raw, unit):
     symmetric, generic = noise_free(axes, 'moving', ('symmetric', 'generic'))
     assert (symmetric['k'], generic['k']) == (k, 45)
-    assert symmetric['rank_gap'] > 1e10
     np.testing.assert_allclose(list(symmetric['condition'].values()), [raw, unit], rtol=0.01)
     for result in (symmetric, generic):
         exact, forward = result['max_error_percent'].values()

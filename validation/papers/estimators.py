@@ -126,7 +126,7 @@ def noise_free(
         structures: Minimal sets: `symmetric` or `generic`.
 
     Returns:
-        Of each structure: size k and rank gap of the minimal set, condition of A, largest relative
+        Of each structure: size k of the minimal set, condition of A, largest relative
         errors on momentum- and on forward-integrated data [%], the median error of the base
         parameters where the captured wheels are left out of the model [%]; beside them the
         reference and the paper's; `unknowns`: names and errors (3 + k,) of all unknowns.
@@ -148,7 +148,6 @@ def noise_free(
                 'structure': structure,
                 'start': start,
                 'k': len(minimal),
-                'rank_gap': minimal.rank_gap,
                 'condition': _conditions(exact.condition),
                 'reference': known and {'k': known['k'], **_conditions(known.get(start))},
                 'max_error_percent': dict(zip(_KINDS, largest, strict=True)),

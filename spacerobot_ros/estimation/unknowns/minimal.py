@@ -13,7 +13,6 @@ and least squares gives how the dropped ones regroup (identification paper, sect
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -27,8 +26,6 @@ from ..trajectory.reference import Kinematics
 _RANK_TOLERANCE = 1e-9  # the gap lies between 1e-3 (kept) and 1e-15 (dropped) for unit columns
 _DISTANCES = (0.3, 0.1, 0.03, 0.01, 1e-3, 1e-7)  # of a column from the span of those before it
 _SEED = 20  # any seed gives the same set; a fixed one gives the same rounding
-_PANEL = 32  # columns that are cleared of those kept before at once
-_CHUNK = 500  # samples of a regressor before they are regrouped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +37,6 @@ class MinimalSet:
         tree: Gives the K entries that x are, or are combinations of.
         names: (k,) name of the entry that each parameter stands for.
         units: (k,) of them.
-        rank_gap: Smallest kept over largest dropped singular value of the unit-column regressor.
         expansion: (K, k) entries = expansion @ x that give the same dynamics; None: x itself.
         regrouping: (k, K) x = regrouping @ entries for any that have the assumed structure.
     """
@@ -49,7 +45,6 @@ class MinimalSet:
     tree: BlockTree
     names: tuple[str, ...]
     units: tuple[str, ...]
-    rank_gap: float = np.inf
     expansion: Array | None = None
     regrouping: Array | None = None
 
@@ -85,19 +80,9 @@ class MinimalSet:
 
 def minimal_regressor(minimal: MinimalSet, motion: Kinematics) -> Array:
     """(N, 3, k) regressor Y of the angular momentum without the robot's wheels: h_B = Y x."""
-    u = np.hstack([motion.omega, motion.qd])
-    return _regressor(minimal.tree, motion.q, u, minimal.expansion)
-
-
-def _regressor(tree: BlockTree, q: Array, u: Array, expansion: Array | None) -> Array:
-    if expansion is None:
-        return tree.regressor(q, u)
-    out = np.empty((3 * len(u), expansion.shape[1]))
-    for start in range(0, len(u), _CHUNK):
-        part = slice(start, start + _CHUNK)
-        rows = tree.regressor(q[part], u[part]).reshape(-1, len(expansion))
-        out[3 * start : 3 * (start + _CHUNK)] = rows @ expansion
-    return out.reshape(len(u), 3, -1)
+    regressor = minimal.tree.regressor(motion.q, np.hstack([motion.omega, motion.qd]))
+    expansion = minimal.expansion
+    return regressor if expansion is None else np.asarray(regressor @ expansion)
 
 
 @lru_cache(maxsize=8)  # a controller asks with every estimate, and has no time to find it again
@@ -118,20 +103,14 @@ def minimal_set(robot: Robot, structure: str) -> MinimalSet:
     span, chosen = _structured_span(tree, robot, rng)
     samples, n = max(150, len(tree.pairs)), robot.n_joints
     q, u = rng.uniform(-np.pi, np.pi, (samples, n)), rng.normal(size=(samples, 3 + n))
-    rows = _regressor(tree, q, u, span).reshape(3 * samples, -1)
+    rows = (tree.regressor(q, u) @ span).reshape(3 * samples, -1)
     regressor = np.asarray(np.linalg.qr(rows, mode='r'))  # lengths and angles stay
-    unit = _unit_columns(regressor)
-    kept = independent_columns(unit)
-    singular = np.linalg.svd(unit, compute_uv=False)
-    left = singular[len(kept)] if len(kept) < len(singular) else 0.0
-    gap = singular[len(kept) - 1] / left if left else np.inf
+    kept = independent_columns(_unit_columns(regressor))
     combined = _combinations(regressor, kept)
-    combined[:, kept] = np.eye(len(kept))
     regrouping = np.zeros((len(kept), len(tree.pairs)))
     regrouping[:, chosen] = combined
-    names, units = ([words[chosen[i]] for i in kept] for words in (tree.names, tree.units))
-    found = span[:, kept], regrouping
-    return MinimalSet(structure, tree, tuple(names), tuple(units), float(gap), *found)
+    names, units = (tuple(each[chosen[i]] for i in kept) for each in (tree.names, tree.units))
+    return MinimalSet(structure, tree, names, units, span[:, kept], regrouping)
 
 
 def independent_columns(matrix: Array) -> list[int]:
@@ -141,30 +120,15 @@ def independent_columns(matrix: Array) -> list[int]:
     ones are well conditioned; taking every column that is merely independent would regroup with
     factors of thousands.
     """
-    kept: list[int] = []
-    basis = np.empty((len(matrix), min(matrix.shape)), order='F')
-    rest = np.flatnonzero(np.any(matrix, axis=0)).tolist()
+    left, kept = matrix.copy(), []
     for distance in _DISTANCES:
-        left, rest = rest, []
-        for start in range(0, len(left), _PANEL):
-            panel = matrix[:, left[start : start + _PANEL]]
-            for _ in range(2):  # twice is enough (Kahan)
-                panel = _outside(panel, basis[:, : len(kept)])
-            for place, index in enumerate(left[start : start + _PANEL]):
-                norm = np.linalg.norm(panel[:, place])
-                if norm > distance:
-                    found = _outside(panel[:, place] / norm, basis[:, : len(kept)])
-                    basis[:, len(kept)] = found / np.linalg.norm(found)
-                    panel = _outside(panel, basis[:, len(kept), None])
-                    kept.append(index)
-                elif norm > _DISTANCES[-1]:
-                    rest.append(index)
+        for index in range(matrix.shape[1]):
+            norm = np.linalg.norm(left[:, index])
+            if norm > distance:
+                unit = left[:, index] / norm
+                left -= np.outer(unit, unit @ left)
+                kept.append(index)
     return sorted(kept)
-
-
-def _outside(vectors: Array, basis: Array) -> Array:
-    """What vectors have besides the span of orthonormal ones."""
-    return np.asarray(vectors - basis @ (basis.T @ vectors))
 
 
 def _unit_columns(matrix: Array) -> Array:
@@ -188,10 +152,9 @@ def _structured_span(
     From random bodies with the robot's zeros; the base's centre of mass is free.
     """
     shape = len(tree.pairs) + 20, len(robot.bodies)
-    drawn = [(rng.normal(size=12), rng.uniform(0.5, 2.0)) for _ in range(math.prod(shape))]
-    numbers = np.array([normal for normal, _ in drawn]).reshape(*shape, 4, 3)
-    mass = np.array([uniform for _, uniform in drawn]).reshape(shape)
-    com, inertia = numbers[:, :, 0], numbers[:, :, 1:] + np.swapaxes(numbers[:, :, 1:], -1, -2)
+    mass, com = rng.uniform(0.5, 2.0, shape), rng.normal(size=(*shape, 3))
+    inertia = rng.normal(size=(*shape, 3, 3))
+    inertia += np.swapaxes(inertia, -1, -2)
     is_free = np.array([(b.com != 0.0) | (b.parent < 0) for b in robot.bodies])
     may_be = np.array([(b.inertia != 0.0) | np.eye(3, dtype=bool) for b in robot.bodies])
     samples = tree.entries(mass, com * is_free, inertia * may_be)
