@@ -1,9 +1,10 @@
 r"""Unknowns that are estimated beside the momentum and the inertial parameters.
 
-Each is an effect of the catalogue (docs/effects.md, the same ids) with a prior about zero. What it
-does to the sensors is its `sense` and `delay`; what it does to the balance of momentum is its own
-`momentum`, or its torque, which is constant in the inertial frame, times the time; wheels of which
-an effect takes momentum are those of the present estimate. Columns are differences of these.
+Each is an effect of the catalogue (docs/effects.md, the same ids) that is always there, its
+plausible size the prior about zero. What it does to the sensors is its `sense` and `delay`; what
+it does to the balance of momentum is its own `momentum`, or its torque, which is constant in the
+inertial frame, times the time; wheels of which an effect takes momentum are those of the present
+estimate. Columns are differences of these.
 
 `torque_hold` is no effect but the filter's own correction of sampled control (`torque_hold.py`).
 Drags are unknown as 1/tau. Times count from the first sample of a run; delays count against the
@@ -13,13 +14,14 @@ joint states.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ...effects.catalogue import CATALOGUE
 from ...effects.effect import Effect
 from ...effects.motion import Motion
+from ...effects.parameter import Parameter
 from ...errors import ConfigurationError
 from ...model.robot import Robot
 from ...types import Array
@@ -28,30 +30,32 @@ from ..trajectory.sampled_motion import misreading
 from .torque_hold import Holds
 
 TORQUE_HOLD = 'torque_hold'
-_PRIOR_STD = {  # larger than any is in practice
-    'gyro_bias': 1e-3,  # rad/s
-    'encoder_offset': 1e-2,  # rad
-    'imu_delay': 0.1,  # s
-    'attitude_delay': 0.5,  # s
-    TORQUE_HOLD: 1e-4,  # s^2
-    'external_torque_inertial': 1.0,  # N m
-    'target_wheel_drag': 1e-2,  # 1/s
-    'servicer_wheel_drag': 1e-2,  # 1/s
-}
+_HOLD = Parameter(TORQUE_HOLD, 's^2', 1e-4)
+"""Its standard deviation: that of torques which are held for 35 ms."""
+_IDS = (
+    'gyro_bias',
+    'encoder_offset',
+    'imu_delay',
+    'attitude_delay',
+    TORQUE_HOLD,
+    'external_torque_inertial',
+    'target_wheel_drag',
+    'servicer_wheel_drag',
+)
 _STEP = 1e-5  # of the prior's standard deviation; actions are linear, or nearly, in that
 
 
-@dataclass(frozen=True, slots=True)
-class _Unknown:
+class _Unknown(NamedTuple):
     """One number of an effect, at one or several places at once; no effect for `torque_hold`."""
 
     name: str
-    unit: str
-    std: float
+    parameter: Parameter = _HOLD
     kind: type[Effect] | None = None
-    parameter: str = ''
     places: tuple[str | None, ...] = ()
-    is_inverse: bool = False
+
+    @property
+    def is_inverse(self) -> bool:
+        return self.parameter.role == 'reciprocal'
 
     def acts(self, *actions: str) -> bool:
         return self.kind is not None and any(self.kind.acts(action) for action in actions)
@@ -61,12 +65,12 @@ class _Unknown:
             return ()
         if self.is_inverse:
             value = 1.0 / value if value else np.inf
-        values = {**self.kind.nominal(), self.parameter: value}
+        values = {**self.kind.nominal(), self.parameter.name: value}
         return tuple(self.kind(name=self.name, where=at, values=values) for at in self.places)
 
     def slope(self, action: Callable[[tuple[Effect, ...]], Array], value: float) -> Array:
         """Derivative by the unknown of what its effects do."""
-        step = _STEP * self.std
+        step = _STEP * self.parameter.size
         ahead, behind = (action(self.bound(value + s)) for s in (step, -step))
         return (ahead - behind) / (2.0 * step)
 
@@ -88,8 +92,8 @@ class Nuisances:
 
     def __init__(self, ids: tuple[str, ...], robot: Robot) -> None:
         for i, kind in enumerate(ids):
-            if kind not in _PRIOR_STD or kind in ids[:i]:
-                known = ', '.join(_PRIOR_STD)
+            if kind not in _IDS or kind in ids[:i]:
+                known = ', '.join(_IDS)
                 raise ConfigurationError(
                     f'identifier.nuisances[{i}]', f'{kind!r} is not one of {known}, each once'
                 )
@@ -97,7 +101,7 @@ class Nuisances:
         self._unknowns = [unknown for kind in ids for unknown in _unknowns(kind, robot)]
         self.size = len(self._unknowns)
         self.names = tuple(unknown.name for unknown in self._unknowns)
-        self.units = tuple(unknown.unit for unknown in self._unknowns)
+        self.units = tuple('1/' * u.is_inverse + u.parameter.unit for u in self._unknowns)
         self.is_external = np.array(
             [u.kind is not None and u.kind.is_external for u in self._unknowns], dtype=bool
         )
@@ -106,7 +110,7 @@ class Nuisances:
 
     def prior(self, holds: Holds | None = None) -> tuple[Array, Array]:
         """(m,) means and standard deviations; a known period of holds tells `torque_hold`."""
-        mean, std = np.zeros(self.size), np.array([unknown.std for unknown in self._unknowns])
+        mean, std = np.zeros(self.size), np.array([u.parameter.size for u in self._unknowns])
         known = None if holds is None else holds.prior()
         if known is not None and self.torque_hold is not None:
             mean[self.torque_hold], std[self.torque_hold] = known
@@ -188,23 +192,15 @@ def _added_momentum(effect: Effect, motion: Motion) -> Array:
 
 def _unknowns(kind_id: str, robot: Robot) -> list[_Unknown]:
     """Every number of a nuisance: one a joint, one an axis, or one for all its places."""
-    std = _PRIOR_STD[kind_id]
     if kind_id == TORQUE_HOLD:
-        return [_Unknown(kind_id, 's^2', std)]
+        return [_Unknown(kind_id)]
     kind = CATALOGUE[kind_id]
-    places, parameters = kind.places(robot), kind.parameters
-    named = [(f'_{p.name}' * (len(parameters) > 1), p, places) for p in parameters]
+    places, (first, *more) = kind.places(robot), kind.parameters
     if kind_id == 'encoder_offset':
-        named = [(f'_{i + 1}', parameters[0], places[i : i + 1]) for i in range(len(places))]
+        return [
+            _Unknown(f'{kind_id}_{i}', first, kind, (at,)) for i, at in enumerate(places, start=1)
+        ]
     return [
-        _Unknown(
-            f'{kind_id}{suffix}',
-            f'1/{p.unit}' if p.role == 'reciprocal' else p.unit,
-            std,
-            kind,
-            p.name,
-            at,
-            p.role == 'reciprocal',
-        )
-        for suffix, p, at in named
+        _Unknown(f'{kind_id}_{p.name}' if more else kind_id, p, kind, places)
+        for p in kind.parameters
     ]
