@@ -77,9 +77,7 @@ def run(
             result = identify(record, machine, settings, method, advance)
         minimal = minimal_set(machine, settings.structure)
         groups = list(standard_parameters(machine, minimal, settings.structure))
-        advice = []
-        if result.model is not None and result.posterior is not None:
-            advice = list(advise_on(record, result.model, result.posterior, file.settings))
+        advice = list(advise_on(record, result, file.settings))
     else:
         result = identify_lone_body(record, file.robot, file.effects)
         groups, advice = [machine.base_link] * len(result.estimate.parameters), []

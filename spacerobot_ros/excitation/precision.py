@@ -234,7 +234,7 @@ def _predict(
         n_aam=n,
         stated_std=np.sqrt(np.diag(stated)),
         aam_limit=options.valid_std * max(float(np.linalg.norm(aam)), share),
-        prior_factor=found.bodies.factor,
+        prior_factor=found.factor,
         uses=problem.limits.uses(motion),
     )
 

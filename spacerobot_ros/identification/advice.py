@@ -11,12 +11,12 @@ has the deviations of the AAM after it. Those that shrink the largest of them mo
 are named. Pairs are made of the best single joints alone, so the cost is linear in the joints but
 for the unknowns.
 
-Symbols: B motions, T times, n joints, m unknowns [AAM; y].
+Symbols: T times, n joints, m unknowns [AAM; y].
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -26,13 +26,13 @@ from scipy.spatial.transform import Rotation
 from ..estimation.filters.momentum_process import MomentumModel
 from ..estimation.trajectory.base_response import BaseMotion, BaseResponse, BaseStart
 from ..estimation.trajectory.motion_limits import Limits
-from ..estimation.trajectory.reference import Kinematics
 from ..formats import counted
 from ..model.settings import Settings, SimulatorSettings
 from ..recording.record import Record
 from ..types import Array
 from .information import Information, with_typical
 from .momentum_posterior import MomentumPosterior
+from .summary import Identification
 
 _TIMES = np.linspace(0.0, 40.0, 161)  # s
 _SWING = 1.0  # rad or m of one joint, halved where more move; less within narrow limits
@@ -44,8 +44,6 @@ _USE = 0.98  # of every limit
 _AMPLE = 0.8  # of the limits that resting joints may use, for the base to keep its rate
 _ROUNDS = 6  # of scaling a motion to its limits
 _BEST = 4  # single joints of which pairs are made
-_STATES = 500  # of a record, for the momentum that its joints had
-_AT_ONCE = 8  # motions judged together: bounds memory
 _MOST, _CHEAP = 5, 3  # motions that are named; single joints among them
 _WORTH = 1.5  # times better known, or not worth a word where the estimate is valid
 _MORE = 1.25  # times better than what is cheaper
@@ -97,31 +95,27 @@ class _Tried:
         return float(np.max(self.std))
 
 
-def advise_on(
-    record: Record, model: MomentumModel, posterior: MomentumPosterior, settings: Settings
-) -> tuple[Advice, ...]:
+def advise_on(record: Record, found: Identification, settings: Settings) -> tuple[Advice, ...]:
     """Name the extra motions that tell most of the wheel momentum for their cost.
 
     Args:
         record: What the estimate is from; its joints are taken to be held where they mostly were.
-        model: Robot and unknowns.
-        posterior: The estimate.
-        settings: The robot file's: limits, and what a valid estimate is.
+        found: The estimate.
+        settings: The robot file's, for the limits.
 
     Returns:
-        At most five, cheap ones first; none where the AAM is known well enough, and a single one
-        without a motion where none tells more.
+        At most five, cheap ones first; none where the AAM is known well enough or bodies were not
+        sought, and a single one without a motion where none tells more.
     """
-    if record.joints is None or not model.n_aam:
+    posterior = found.posterior
+    if found.model is None or posterior is None or not found.model.n_aam:
         return ()
-    now = np.sqrt(np.diag(posterior.covariance))[model.aam]
-    limit = _limit(record, model, posterior, settings)
-    worst = float(np.max(now))
-    if worst < _WELL * limit:
+    worst = float(np.max(np.sqrt(np.diag(posterior.covariance))[found.model.aam]))
+    if worst < _WELL * found.limit:
         return ()
-    range_ = _Range(record, model, posterior, settings)
+    range_ = _Range(record, found.model, posterior, settings)
     tried = range_.try_all()
-    is_valid = worst <= limit
+    is_valid = worst <= found.limit
     least = _WORTH if is_valid else _SEEN
     kept = _worth_saying([one for one in tried if one.worst * least < worst], worst)
     if not kept and not is_valid:
@@ -140,20 +134,6 @@ def _tells(one: _Tried, now: float) -> Iterator[str]:
     )
     if one.better:
         yield f'{counted(one.better, "number")} of the bodies at least twice as well'
-
-
-def _limit(
-    record: Record, model: MomentumModel, posterior: MomentumPosterior, settings: Settings
-) -> float:
-    """Largest deviation of the AAM at which the estimate is valid [N m s]."""
-    time, q = record.joint_time, record.q
-    qd = record.qd if record.qd is not None else np.gradient(q, time, axis=0)
-    some = slice(None, None, max(1, len(time) // _STATES))
-    count = len(time[some])
-    still = np.zeros((count, 3)), Rotation.identity(count)
-    share = model.joint_share(Kinematics(time[some], q[some], qd[some], *still), posterior.mean)
-    size = float(np.linalg.norm(posterior.mean[model.aam]))
-    return settings.identifier.valid_std * max(size, share)
 
 
 def _worth_saying(tried: Sequence[_Tried], now: float) -> list[_Tried]:
@@ -189,14 +169,14 @@ class _Range:
         self._rest = np.clip(np.median(record.q, axis=0), limits.lower, limits.upper)
         rates, (noise, _) = _rates(record, settings.simulator), with_typical(robot.sensors)
         self._information = Information(model, posterior.mean, noise, rates, settings.identifier)
-        head = slice(3, model.y.stop)
-        self._root = _square_root(posterior.covariance[head, head])
-        self._now = np.sqrt(np.diag(posterior.covariance))[head]
+        head, prior = slice(3, model.y.stop), self._information.prior_std
+        self._covariance = posterior.covariance[head, head] / np.outer(prior, prior)
         base = BaseResponse(robot)
         place = _swing(_Probe(), np.zeros(model.n), self._rest)
         still = BaseStart(np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3))
         rested = base.move(_TIMES, *place, still)
         self._inverse = rested.inverse[0, 0]
+        self._spin = _TURN * np.linalg.solve(self._inverse, _SPIN)
         # the rate that is left once the joints rest, in the attitude that was measured last
         attitude = record.attitude_xyzw[-1] if len(record.attitude_time) else still.attitude_xyzw
         total = Rotation.from_quat(attitude).inv().apply(posterior.mean[:3])
@@ -221,48 +201,46 @@ class _Range:
             more.append(_Probe(tuple(joints)))
         return singles + self._try(more)
 
-    def _try(self, probes: Sequence[_Probe]) -> list[_Tried]:
-        played = [one for probe in probes if (one := self._play(probe)) is not None]
-        out = []
-        for start in range(0, len(played), _AT_ONCE):
-            group = played[start : start + _AT_ONCE]
-            after = self._after(_together([motion for _, _, motion in group]))
-            for (probe, words, _), std in zip(group, after, strict=True):
-                n = self._model.n_aam
-                better = int(np.sum(2.0 * std[n:] < self._now[n:]))
-                out.append(_Tried(probe, words, std[:n], better))
+    def _try(self, probes: Iterable[_Probe]) -> list[_Tried]:
+        n, now, out = self._model.n_aam, np.sqrt(np.diag(self._covariance)), []
+        for played in filter(None, map(self._play, probes)):
+            probe, words, motion = played
+            std = self._after(motion)
+            better = int(np.sum(2.0 * std[n:] < now[n:]))
+            out.append(_Tried(probe, words, std[:n] * self._information.prior_std[:n], better))
         return out
 
     def _after(self, motion: BaseMotion) -> Array:
-        """(B, m) deviations of [AAM; y] after each motion."""
-        prior = self._information.prior_std
-        told = self._information.fisher(motion) / np.outer(prior, prior)
-        root = self._root
-        gained = np.eye(len(root)) + root.T @ told @ root
-        return np.sqrt(np.einsum('ij,bji->bi', root, np.linalg.solve(gained, root.T)))
+        """(m,) deviations of [AAM; y] after a motion, in those of the prior."""
+        gained = (
+            np.eye(len(self._covariance)) + self._covariance @ self._information.fisher(motion)[0]
+        )
+        return np.sqrt(np.maximum(np.diag(np.linalg.solve(gained, self._covariance)), 0.0))
 
     def _play(self, probe: _Probe) -> tuple[_Probe, str, BaseMotion] | None:
         """The motion, as large as the limits allow, in words; None where they leave nothing."""
-        robot, omega, share = self._robot, self._start.omega, 1.0
-        size = _TURN
+        share = 1.0
         for _ in range(_ROUNDS):
-            if probe.spins:
-                spin = size * share * np.linalg.solve(self._inverse, _SPIN)
-                robot = self._robot.with_servicer_momentum(self._robot.servicer_momentum + spin)
-                omega = self._start.omega - self._inverse @ spin
-            if probe.turn is not None:
-                omega = self._start.omega + share * size * np.eye(3)[probe.turn]
-            reach = share * self._reach(probe)
-            start = BaseStart(self._start.attitude_xyzw, omega)
-            motion = BaseResponse(robot).move(_TIMES, *_swing(probe, reach, self._rest), start)
-            use = self._use(motion)
-            if use <= 1.0:
+            reach, motion = self._motion(probe, share)
+            if (use := self._use(motion)) <= 1.0:
                 break
             share *= max(_USE / use, 0.3)
         moved = np.abs(reach[list(probe.joints)])
         if use > 1.0 or np.any(moved < _LEAST) or share < _LEAST:
             return None
         return probe, self._words(probe, reach, share), motion
+
+    def _motion(self, probe: _Probe, share: float) -> tuple[Array, BaseMotion]:
+        """(n,) amplitudes of the joints, and the motion, with a share of its full size."""
+        robot, omega, reach = self._robot, self._start.omega, share * self._reach(probe)
+        if probe.spins:
+            spin = share * self._spin
+            robot = robot.with_servicer_momentum(robot.servicer_momentum + spin)
+            omega = omega - self._inverse @ spin
+        if probe.turn is not None:
+            omega = omega + share * _TURN * np.eye(3)[probe.turn]
+        start = BaseStart(self._start.attitude_xyzw, omega)
+        return reach, BaseResponse(robot).move(_TIMES, *_swing(probe, reach, self._rest), start)
 
     def _words(self, probe: _Probe, reach: Array, share: float) -> str:
         robot, parts = self._robot, []
@@ -279,7 +257,7 @@ class _Range:
             rate = share * _TURN
             parts.append(f'turn the base about {"xyz"[probe.turn]} by {rate:.2g} rad/s')
         if probe.spins:
-            size = share * _TURN * float(np.linalg.norm(np.linalg.solve(self._inverse, _SPIN)))
+            size = share * float(np.linalg.norm(self._spin))
             parts.append(f"spin up the servicer's wheels by {size:.2g} N m s")
         return ' while you '.join(parts)
 
@@ -315,13 +293,6 @@ def _swing(probe: _Probe, reach: Array, rest: Array) -> tuple[Array, Array, Arra
     return q, qd, qdd
 
 
-def _together(motions: Sequence[BaseMotion]) -> BaseMotion:
-    """Motions at the same times as candidates of one."""
-    names = ('q', 'qd', 'qdd', 'omega', 'R_WB', 'torque', 'inverse', 'coupling', 'h_W')
-    stacked = {name: np.concatenate([getattr(m, name) for m in motions]) for name in names}
-    return replace(motions[0], **stacked)
-
-
 def _rates(record: Record, usual: SimulatorSettings) -> SimulatorSettings:
     """How often the sensors sampled."""
     times = {
@@ -331,10 +302,3 @@ def _rates(record: Record, usual: SimulatorSettings) -> SimulatorSettings:
     }
     found = {name: 1.0 / float(np.median(np.diff(t))) for name, t in times.items() if len(t) > 1}
     return replace(usual, **found)  # type: ignore[arg-type]  # rates alone
-
-
-def _square_root(covariance: Array) -> Array:
-    """(m, m) root of a covariance whose unknowns have different units."""
-    std = np.sqrt(np.diag(covariance))
-    values, vectors = np.linalg.eigh(covariance / np.outer(std, std))
-    return np.asarray(std[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -22,11 +22,11 @@ from ..recording.faults.motion_faults import contradictions
 from ..recording.record import Record
 from ..types import Array, IntArray
 from .least_squares import solve_least_squares
-from .maximum_likelihood import MaximumLikelihood, model_of, prepare
+from .maximum_likelihood import MaximumLikelihood, prepare
 from .online import OnlineIdentifier
 from .outliers import screened
-from .summary import Finding, Identification, Source, conclude, finding_of
-from .validity_limits import EXCHANGED_MISFIT, LARGEST_CHI2, SHORTEST
+from .summary import Identification, Source, conclude
+from .validity_limits import EXCHANGED_MISFIT, SHORTEST
 
 METHODS = ('ml', 'recursive', 'ls')
 
@@ -63,17 +63,17 @@ def identify(
     if method == 'ls':
         source = _source(record, notes, faults)
         return Identification(solve_least_squares(record, robot, settings, noise, source))
-    model = model_of(robot, settings)
-    finding, kinematics = _likeliest(model, settings, record, noise, on_pass)
-    if finding.doubt or finding.chi2_per_dof > LARGEST_CHI2:
+    model = MomentumModel(robot, settings.structure, settings.nuisances)
+    found, kinematics = _likeliest(model, settings, record, noise, on_pass)
+    if not found.is_explained:
         kept, left_out = screened(record, noise)
-        again = _likeliest(model, settings, kept, noise)[0] if left_out else finding
-        if not again.doubt and again.chi2_per_dof <= LARGEST_CHI2:
-            finding, record, notes = again, kept, (*notes, *left_out)
+        again = _likeliest(model, settings, kept, noise)[0] if left_out else found
+        if again.is_explained:
+            found, record, notes = again, kept, (*notes, *left_out)
             faults = contradictions(kept)
         else:
             faults += swapped_joints(model, kinematics, robot.joints[: model.n])
-    return conclude(model, settings, finding, _source(record, notes, faults))
+    return conclude(found, 'ml', _source(record, notes, faults))
 
 
 def _source(record: Record, notes: tuple[str, ...], faults: tuple[str, ...]) -> Source:
@@ -87,12 +87,12 @@ def _likeliest(
     record: Record,
     noise: NoiseLevels,
     on_pass: Callable[[int], None] = lambda _: None,
-) -> tuple[Finding, Kinematics]:
+) -> tuple[MaximumLikelihood, Kinematics]:
     """What maximum likelihood finds, and the motion that it is of."""
     stretch = prepare(record, noise, find_holds(record, settings.torque_hold_period))
     likelihood = MaximumLikelihood(model, settings)
     likelihood.solve(stretch, on_pass)
-    return finding_of(likelihood, 'ml'), stretch.kinematics
+    return likelihood, stretch.kinematics
 
 
 def _recursive(record: Record, robot: Robot, settings: IdentifierSettings) -> Identification:

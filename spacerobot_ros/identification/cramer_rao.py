@@ -11,6 +11,8 @@ Symbols: p constants [h_W; AAM; y; nuisances].
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..estimation.filters.momentum_filter import MomentumFilter
 from ..estimation.filters.momentum_process import MomentumModel
 from ..estimation.trajectory.reference import NoiseLevels
@@ -27,7 +29,7 @@ def information_root(
     constants: Array | None = None,
     holds: Holds | None = None,
 ) -> Array:
-    """(p, p) triangular square root of the Fisher information of [h_W; AAM; y; nuisances].
+    """(g, p) square root of the Fisher information of [h_W; AAM; y; nuisances].
 
     Args:
         model: What is identified.
@@ -45,4 +47,8 @@ def information_root(
     constants[:3] = model.total_momentum(stretch.kinematics, constants)
     momentum_filter = MomentumFilter(model)
     momentum_filter.run(stretch, constants)
-    return momentum_filter.information.factor[:, :-1]
+    factor = momentum_filter.information.factor[:, :-1]
+    first, bodies, others = np.split(
+        factor, [model.filter_bodies.start, model.filter_bodies.stop], axis=1
+    )
+    return np.hstack([first, bodies @ model.told_slopes(constants[model.y]), others])

@@ -90,27 +90,26 @@ def solve_least_squares(
     rows, values = (motion.matrices @ columns).reshape(-1, columns.shape[2]), motion.matrices @ h0
     information = SquareRootInformation(rows.shape[1])
     information.add(rows, values.ravel())
-    constants, _ = information.solve()
-    missing = (columns @ constants) - h0
-    dof = max(missing.size - len(constants), 1)
-    information.factor /= max(float(np.linalg.norm(missing)) / dof**0.5, 1e-300)
-    _, covariance = information.solve()
+    dof = max(values.size - information.size, 1)
+    information.factor /= max((information.residual / dof) ** 0.5, 1e-300)
+    constants, covariance = information.solve()
     n = 3 * len(robot.target_wheels)
     names = (*(f'h_{g.link}_{a}' for g in robot.target_wheels for a in 'xyz'), *minimal.names)
     root = marginal(information.factor, np.arange(3, len(constants)))[:, :-1]
     singular = np.linalg.svd(root / np.linalg.norm(root, axis=0), compute_uv=False)
-    _, spread, directions = np.linalg.svd(root * _sizes(constants[3:], n))
+    sizes = [np.max(np.abs(x), initial=1e-300) for x in np.split(constants[3:], [n])]
+    _, spread, directions = np.linalg.svd(root * np.repeat(sizes, [n, len(minimal)]))
     weak = list(directions[spread < WEAKLY_KNOWN])  # unit vectors that the data hardly tell
     chi2 = _chi2(robot, minimal, motion, constants, noise) / dof
     aam, std = constants[3 : 3 + n], np.sqrt(np.diag(covariance)[3 : 3 + n])
     limit = settings.valid_std * max(float(np.linalg.norm(aam)), 1e-9)
-    reason = '; '.join(source.faults)
-    if not reason and weak:
-        reason = f'{len(weak)} of {len(names)} directions are not excited yet'
-    if not reason and len(std) and np.max(std) > limit:
-        reason = too_weak(float(np.max(std)), limit)
-    if not reason and chi2 > LARGEST_CHI2:
-        reason = unexplained(chi2)
+    reasons = [
+        '; '.join(source.faults),
+        f'{len(weak)} of {len(names)} directions are not excited yet' * bool(weak),
+        too_weak(float(np.max(std, initial=0.0)), limit) * bool(np.any(std > limit)),
+        unexplained(chi2) * (chi2 > LARGEST_CHI2),
+    ]
+    reason = next(filter(None, reasons), '')
     return Estimate(
         method='ls',
         valid=not reason,
@@ -133,12 +132,6 @@ def solve_least_squares(
         notes=source.notes,
         sources=('data',) * len(names),
     )
-
-
-def _sizes(values: Array, n_aam: int) -> Array:
-    """Sizes of wheel momenta and parameters by which directions are compared: their largest."""
-    largest = [np.max(np.abs(part), initial=1e-300) for part in (values[:n_aam], values[n_aam:])]
-    return np.repeat(largest, [n_aam, len(values) - n_aam])
 
 
 def _describe(direction: Array, names: tuple[str, ...]) -> str:

@@ -13,9 +13,7 @@ from ..estimation.filters.momentum_process import MomentumModel
 from ..estimation.trajectory.reference import NoiseLevels, ReferenceTrajectory
 from ..estimation.trajectory.time_base import channel_stamps, filter_times, refuse_long_gaps
 from ..estimation.unknowns.torque_hold import Holds
-from ..inference.curved_posterior import LINEAR
 from ..inference.square_root import marginal
-from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..recording.record import Record
 from ..types import Array
@@ -48,16 +46,6 @@ class Known:
         return Known(part, self.best, left[:, :-1], left[:, -1])
 
 
-def model_of(robot: Robot, settings: IdentifierSettings) -> MomentumModel:
-    """What is identified of a robot.
-
-    Raises:
-        ConfigurationError: fixed base.
-    """
-    is_minimal = robot.n_joints <= limits.MOST_MINIMAL
-    return MomentumModel(robot, settings.structure, settings.nuisances, is_minimal=is_minimal)
-
-
 class MaximumLikelihood:
     """Total momentum, AAM, bodies and nuisances from stretches of data.
 
@@ -70,25 +58,23 @@ class MaximumLikelihood:
         constants: (p,) about which everything is linearized; the robot file's at first.
         is_converged: Whether another pass of `solve` would move the AAM by less than 0.01 sigma.
         is_abandoned: Whether `solve` shall end before its next pass.
-        joint_share: Largest momentum so far that the joints' motion alone had [N m s].
     """
 
     def __init__(
         self, model: MomentumModel, settings: IdentifierSettings, known: Known | None = None
     ) -> None:
-        self._model, self._settings, self._known = model, settings, known
+        self.model, self._settings, self._known = model, settings, known
         self._prior: tuple[Array, Array] | None = None
         self._filter = MomentumFilter(model)
         self.constants = model.prior()
         self.is_converged = self.is_abandoned = False
-        self.joint_share = 0.0
-        self._beyond = 0.0
-        self._left = np.ones(2)  # share of a shift, of momenta and bodies, that a pass leaves
+        self._joint_share = self._beyond = 0.0
+        self._share = 1.0  # of a shift, that a pass leaves
         self._posterior: MomentumPosterior | None = None
 
     def anew(self) -> MaximumLikelihood:
         """Another one that knows what this one knew at first."""
-        return MaximumLikelihood(self._model, self._settings, self._known)
+        return MaximumLikelihood(self.model, self._settings, self._known)
 
     @property
     def known(self) -> Known | None:
@@ -105,13 +91,39 @@ class MaximumLikelihood:
         What is beyond six standard deviations of a row does not count, so that a lone outlier
         that was not found is no misfit; what it does to the others' residuals is.
         """
-        squares = self._squares_at(self.posterior().mean) - self._beyond
+        left = self._left_at(self.posterior().mean)
+        squares = self._filter.information.residual + float(left @ left) - self._beyond
         return max(squares, 0.0), self._filter.information.rows
+
+    @property
+    def chi2_per_dof(self) -> float:
+        """Residual chi-square per degree of freedom."""
+        squares, rows = self.misfit
+        return squares / max(rows - self.posterior().rank, 1)
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether the iteration and the bodies have converged."""
+        return self.is_converged and self.posterior().is_settled
+
+    @property
+    def is_explained(self) -> bool:
+        """Whether they have, and the model explains the data."""
+        return self.is_settled and self.chi2_per_dof <= limits.LARGEST_CHI2
+
+    @property
+    def limit(self) -> float:
+        """Largest deviation of the captured wheels' momentum that is valid [N m s].
+
+        A share of it, or of the most that the joints' motion alone had, if that is more.
+        """
+        aam = float(np.linalg.norm(self.posterior().mean[self.model.aam]))
+        return self._settings.valid_std * max(aam, self._joint_share, 1e-9)
 
     def solve(self, stretch: Stretch, on_pass: Callable[[int], None] = lambda _: None) -> None:
         """Estimate from a stretch alone, from the prior or from what was found last.
 
-        Passes of the filter about ever better constants; see `curved_posterior` for those that
+        Passes of the filter about ever better constants; see `curved_posterior` for the steps that
         are taken within a pass.
 
         Args:
@@ -123,68 +135,43 @@ class MaximumLikelihood:
         """
         if self._prior is None:
             # the total momentum is centred on what the robot file's values imply
-            total = self._model.total_momentum(stretch.kinematics, self._model.prior())
+            total = self.model.total_momentum(stretch.kinematics, self.model.prior())
             wide = self._settings.momentum_prior_std
-            self._prior = prior_of(self._model, wide, total, stretch.holds)
+            self._prior = prior_of(self.model, wide, total, stretch.holds)
             self.constants = self._prior[0].copy()
             if self._known is not None:
-                part = slice(self._known.part.start, self._model.y.stop)
+                part = slice(self._known.part.start, self.model.y.stop)
                 self.constants[part] = self._known.best[part]
         else:
             self.constants = self.posterior().mean
-        best, goal, least = self.constants, self.constants, np.inf
-        asked, share = np.full(2, 0.0 if self.is_converged else np.inf), 1.0
+        is_near, self.is_converged, asked = self.is_converged, False, np.inf
         for done in range(limits.MOST_PASSES):
             on_pass(done)
             if self.is_abandoned:
                 raise IdentificationError('nobody waits for it any more')
-            is_near = bool(asked[1] < (np.inf if self._model.is_minimal else limits.NEAR))
-            cost, values = self._pass(stretch, is_near=is_near)
-            before, worse = asked, cost - least
-            now = self._shift_asked() if np.isfinite(cost) else np.full(2, np.inf)
-            is_nearer = np.max(now) < np.max(before) and worse < limits.NEARER * len(values)
-            is_taken = np.isfinite(cost) and self._model.is_minimal
-            if not (is_taken or worse <= limits.WORSE or is_nearer):
-                share *= limits.BACKTRACK
-                self.constants = self._towards(best, goal, share)
-                continue
-            least, best, asked = cost, self.constants, now
-            if np.all((before > 0.0) & (before < np.inf)):
-                self._left = np.minimum(1.0, limits.CONTRACTION * asked / before)
-            left = asked * self._left
-            self.is_converged = bool(left[0] < limits.CONVERGED) and is_near
-            if self.is_converged and (left[1] < limits.SETTLED or asked[1] < limits.CLOSE):
-                break
-            share, goal = min(1.0, share / limits.BACKTRACK), self._goal()
-            self.constants = self._towards(best, goal, share)
-        else:
-            self.constants, self.is_converged = best, False
-            _, values = self._pass(stretch)
-        self._beyond = _beyond(values) if self.is_converged else 0.0
-        self._move_on()
-        self.joint_share = self._model.joint_share(stretch.kinematics, self.posterior().mean)
-
-    def _pass(self, stretch: Stretch, *, is_near: bool = True) -> tuple[float, Array]:
-        """Twice the negative log probability of the constants, and the values of all rows.
-
-        Infinite where no filter can be run about them. While they are far the prior is as stated:
-        noise in the columns would count as evidence against it.
-        """
-        self._restart()
-        assert self._prior is not None
-        try:
-            values = self._filter.run(stretch, self.constants, is_near=is_near)
-            factor, scale = self._filter.information.factor, None if is_near else 1.0
-            found = posterior_of(self._model, factor, self.constants, self._prior[1], scale=scale)
-        except (np.linalg.LinAlgError, ValueError):  # of numbers that are not finite
+            if done:
+                self.constants = self.posterior().mean
             self._restart()
-            return np.inf, np.zeros(0)
-        self._posterior = found
-        cost = self._cost(found)
-        return (cost if np.isfinite(cost) else np.inf), values
+            try:
+                values = self._filter.run(stretch, self.constants, is_near=is_near)
+                before, asked = asked, self._shift_asked()
+            except (np.linalg.LinAlgError, ValueError):  # of numbers that are not finite
+                self._restart()
+                break
+            if before < np.inf:
+                self._share = min(1.0, limits.CONTRACTION * asked / before)
+            self.is_converged = is_near and asked * self._share < limits.CONVERGED
+            if self.is_converged:
+                self._beyond = _beyond(values)
+                break
+            is_near = True
+        self._joint_share = self.model.joint_share(stretch.kinematics, self.posterior().mean)
 
     def extend(self, record: Record, context: Record, noise: NoiseLevels, holds: Holds) -> Stretch:
-        """Continue with what came since the last stretch.
+        """Continue with what came since the last stretch, about the same constants.
+
+        Stretches about different ones would disagree, and what no motion tells would seem told
+        (Huang, Mourikis and Roumeliotis, IJRR 29 (2010) 502).
 
         Args:
             record: Samples since then.
@@ -207,9 +194,8 @@ class MaximumLikelihood:
         mean = self.posterior().mean
         change = self._told_change(mean)
         self._beyond += sum(_beyond(values - columns @ change) for columns, values in rows)
-        self._move_on()
-        share = self._model.joint_share(stretch.kinematics, mean)
-        self.joint_share = max(self.joint_share, share)
+        share = self.model.joint_share(stretch.kinematics, mean)
+        self._joint_share = max(self._joint_share, share)
         return stretch
 
     def posterior(self) -> MomentumPosterior:
@@ -218,13 +204,13 @@ class MaximumLikelihood:
             raise ValueError('nothing was solved yet')
         if self._posterior is None:
             factor = self._filter.information.factor
-            self._posterior = posterior_of(self._model, factor, self.constants, self._prior[1])
+            self._posterior = posterior_of(self.model, factor, self.constants, self._prior[1])
         return self._posterior
 
     def _restart(self) -> None:
         """A filter that knows what was known before the stretch, about the constants."""
         assert self._prior is not None
-        model, (mean, std) = self._model, self._prior
+        model, (mean, std) = self.model, self._prior
         self._filter, self._posterior = MomentumFilter(model), None
         others = np.delete(np.arange(model.size), model.y)
         size = model.filter_size
@@ -242,63 +228,19 @@ class MaximumLikelihood:
         self._filter.information.reset_residual()
         self._beyond = 0.0
 
-    def _cost(self, posterior: MomentumPosterior) -> float:
-        """Twice the negative logarithm of the constants' probability.
-
-        Where the filter tells minimal parameters, of the most probable ones: the pass has them.
-        """
-        at = posterior.mean if self._model.is_minimal else self.constants
-        stretched = at[self._model.y] / (posterior.bodies.factor * self._model.bodies.std)
-        squares = self._squares_at(at) + float(np.sum(stretched**2))
-        return squares + 2.0 * self._filter.log_spread
-
-    def _squares_at(self, constants: Array) -> float:
-        """Sum of squared residuals at (p,) constants."""
-        return self._filter.information.residual + float(np.sum(self._left_at(constants) ** 2))
-
     def _left_at(self, constants: Array) -> Array:
         """(g,) what the square-root information leaves unexplained at (p,) constants."""
         factor = self._filter.information.factor
         return np.asarray(factor[:, -1] - factor[:, :-1] @ self._told_change(constants))
 
     def _told_change(self, constants: Array) -> Array:
-        return self._model.filtered(constants) - self._model.filtered(self.constants)
+        return self.model.filtered(constants) - self.model.filtered(self.constants)
 
-    def _goal(self) -> Array:
-        """(p,) constants to go to from where the filter was linearized, damped."""
-        assert self._prior is not None
-        if self._model.is_minimal:
-            return self.posterior().mean
-        factor = self._filter.information.factor
-        asked = float(np.sum(factor[:, -1] ** 2)) / len(factor)
-        factor = factor / max(1.0, np.sqrt(asked) / LINEAR)
-        return posterior_of(self._model, factor, self.constants, self._prior[1]).mean
-
-    def _towards(self, constants: Array, goal: Array, share: float) -> Array:
-        """(p,) constants a share of the way from some to a goal that is linear about them."""
-        step, y = share * (goal - constants), self._model.y
-        out = constants + step
-        if not self._model.is_minimal:
-            out[y] = self._model.bodies.stepped(constants[y], step[y])
-        return out
-
-    def _shift_asked(self) -> Array:
-        """(2,) largest shift of momenta and nuisances, and of bodies, in standard deviations."""
+    def _shift_asked(self) -> float:
+        """Largest shift of the constants, in standard deviations."""
         posterior = self.posterior()
         shift = np.abs(posterior.mean - self.constants) / np.sqrt(np.diag(posterior.covariance))
-        y = self._model.y
-        return np.array([np.max(np.delete(shift, y)), np.max(shift[y], initial=1e-300)])
-
-    def _move_on(self) -> None:
-        """Go on about the best constants where nothing that was told depends on that.
-
-        Where bodies were told, stretches about different ones would disagree, and what no motion
-        tells would seem told (Huang, Mourikis and Roumeliotis, IJRR 29 (2010) 502).
-        """
-        if self._model.is_minimal:
-            mean = self.posterior().mean
-            self._filter.shift_constants(self._told_change(mean))
-            self.constants = mean
+        return float(np.max(shift))
 
 
 def _beyond(residuals: Array) -> float:

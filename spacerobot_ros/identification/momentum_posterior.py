@@ -10,7 +10,7 @@ import scipy
 from ..estimation.filters.momentum_process import MomentumModel
 from ..estimation.unknowns.torque_hold import Holds
 from ..inference.curved_posterior import curved_posterior
-from ..inference.scaled_prior import ScaledPosterior, scaled_posterior
+from ..inference.scaled_prior import scaled_posterior
 from ..inference.square_root import ordered
 from ..types import Array, Vector3
 
@@ -21,17 +21,19 @@ class MomentumPosterior:
 
     Args:
         mean: (p,). covariance: (p, p).
-        bodies: The part of the bodies, about the robot file's values.
         prior_std: (p,) standard deviations of the prior; those of bodies by the data's scale.
         rank: Number of directions that the data tell better than the prior does.
+        factor: Of the bodies' prior; NaN without data.
+        above: Probability that it is above half of the largest.
         is_settled: Whether the bodies were found.
     """
 
     mean: Array
     covariance: Array
-    bodies: ScaledPosterior
     prior_std: Array
-    rank: int
+    rank: int = 0
+    factor: float = float('nan')
+    above: float = 0.0
     is_settled: bool = True
 
 
@@ -60,7 +62,6 @@ def posterior_of(
     prior_std: Array,
     *,
     is_expected: bool = False,
-    scale: float | None = None,
 ) -> MomentumPosterior:
     """Combine what data told with the prior of the bodies.
 
@@ -72,33 +73,27 @@ def posterior_of(
             bodies' prior not included, all others' included.
         about: (p,) constants that the errors count from.
         prior_std: (p,) of the others' priors.
-        is_expected: See `scaled_posterior`.
-        scale: Factor of the bodies' prior, where it is not sought.
+        is_expected: Whether it is sought as data will have it in the mean (`scaled_posterior`);
+            the factor, (p, p + 1), is then that of the constants about them.
     """
-    every, y = np.arange(model.filter_size), np.arange(model.size)[model.y]
-    told = every[model.filter_bodies]
-    own, across, right, root, values = ordered(factor, np.setdiff1d(every, told), told)
-    start, wide, is_settled = about[y], model.bodies.std, True
-    if model.is_minimal:
-        slopes, bodies, is_settled = curved_posterior(model, root, values, wide, start, scale)
+    every, start, wide = np.arange(len(factor)), about[model.y], model.bodies.std
+    told = model.y if is_expected else model.filter_bodies
+    own, across, right, root, values = ordered(factor, np.delete(every, told), every[told])
+    if is_expected:
+        bodies = scaled_posterior(root, values + root @ start, wide, is_expected=True)
+        slopes, shift, is_settled = np.eye(len(wide)), bodies.mean - start, True
     else:
-        right_of_y = values + root @ start
-        bodies = scaled_posterior(root, right_of_y, wide, is_expected=is_expected, factor=scale)
-        slopes = np.eye(len(y))
-    others = np.setdiff1d(np.arange(model.size), y)
-    mean, covariance = np.empty(model.size), np.empty((model.size, model.size))
-    mean[y] = bodies.mean
-    shift = model.told_of(bodies.mean) - model.told_of(start)
-    step = scipy.linalg.solve_triangular(own, right - across @ shift)
-    mean[others] = about[others] + step
-    follow = -scipy.linalg.solve_triangular(own, across @ slopes)
+        slopes, bodies, is_settled = curved_posterior(model, root, values, wide, start)
+        shift = model.told_of(bodies.mean) - model.told_of(start)
+    y, others = np.arange(model.size)[model.y], np.delete(np.arange(model.size), model.y)
     free = scipy.linalg.solve_triangular(own, np.eye(len(others)))
-    covariance[np.ix_(y, y)] = bodies.covariance
-    covariance[np.ix_(others, y)] = follow @ bodies.covariance
-    covariance[np.ix_(y, others)] = covariance[np.ix_(others, y)].T
-    covariance[np.ix_(others, others)] = follow @ bodies.covariance @ follow.T + free @ free.T
-    std = prior_std.copy()
-    std[y] = np.sqrt(bodies.prior_variance)
-    told_better = std[others] > np.sqrt(2.0) * np.sqrt(np.diag(covariance)[others])
+    mean, std = about.copy(), prior_std.copy()
+    mean[y], std[y] = bodies.mean, np.sqrt(bodies.prior_variance)
+    mean[others] += free @ (right - across @ shift)
+    follow = np.empty((model.size, len(y)))
+    follow[y], follow[others] = np.eye(len(y)), -free @ across @ slopes
+    covariance = follow @ bodies.covariance @ follow.T
+    covariance[np.ix_(others, others)] += free @ free.T
+    told_better = std[others] > np.sqrt(2.0 * np.diag(covariance)[others])
     rank = bodies.rank + int(np.sum(told_better))
-    return MomentumPosterior(mean, covariance, bodies, std, rank, is_settled)
+    return MomentumPosterior(mean, covariance, std, rank, bodies.factor, bodies.above, is_settled)

@@ -23,6 +23,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import IdentificationError
+from ..estimation.filters.momentum_process import MomentumModel
 from ..estimation.trajectory.time_base import LONGEST_GAP
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
@@ -30,12 +31,12 @@ from ..recording.buffer import SampleBuffer
 from ..recording.record import Record
 from ..types import Array
 from .estimate import Estimate
-from .maximum_likelihood import Known, model_of
+from .maximum_likelihood import Known
 from .misfit import Misfit
 from .outliers import LONGEST_PAUSE, first_pause
 from .saved_knowledge import Knowledge
 from .segment import Past, Screened, Segment
-from .summary import Identification, Source, conclude, finding_of, nothing_known
+from .summary import Identification, Source, conclude, nothing_known
 
 _LAG = 0.5  # s of data kept back at least, where the spline is not settled yet
 _CONTEXT = 2.0  # s of data before a new stretch that its spline also fits
@@ -62,7 +63,7 @@ class OnlineIdentifier:
     def __init__(self, robot: Robot, settings: IdentifierSettings) -> None:
         self._settings = settings
         self._lag = max(_LAG, settings.lateness)
-        self.model = model_of(robot, settings)
+        self.model = MomentumModel(robot, settings.structure, settings.nuisances)
         self._joints = robot.joints[: self.model.n]
         self.reset()
 
@@ -236,8 +237,7 @@ class OnlineIdentifier:
         stamp_ns = (self.samples.origin_ns or 0) + round(segment.done * 1e9)
         self.samples.close(stamp_ns, round(keep * 1e9))
         source = replace(segment.source, stamp_ns=stamp_ns)
-        finding = finding_of(segment.likelihood, 'online')
-        self._last = found = conclude(self.model, self._settings, finding, source)
+        self._last = found = conclude(segment.likelihood, 'online', source)
         self._learned = None if known is None else Knowledge(self.model, known, found.estimate)
         return found.estimate
 

@@ -91,8 +91,6 @@ def _widened(model: MomentumModel, content: dict[str, Any], seconds: float) -> K
         valid=True,
         reason='',
         notes=(f'from a file saved {seconds:.0f} s before',),
-        unknowns=model.size,
-        prior_factor=posterior.bodies.factor,
         **{name: content[name] for name in _KEPT if name != 'unexcited'},
         unexcited=tuple(content['unexcited']),
         **{**values, 'nuisances': ()},

@@ -16,38 +16,10 @@ from ..types import Array
 from . import validity_limits as limits
 from .estimate import Estimate, NamedValue
 from .maximum_likelihood import MaximumLikelihood
-from .momentum_posterior import MomentumPosterior
+from .momentum_posterior import MomentumPosterior, prior_of
 
 _WORDS = {'mass': 'mass', 'com': 'centre of mass', 'inertia': 'inertia'}
 _MEASURES = {'com': 'radius of gyration', 'inertia': 'extent'}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Finding:
-    """What a method found.
-
-    Args:
-        method: Its name.
-        posterior: Of the constants.
-        chi2_per_dof: Residual chi-square per degree of freedom.
-        joint_share: Largest momentum that the joints' motion alone had [N m s].
-        doubt: Why it is not valid, whatever the data say; empty where nothing is.
-    """
-
-    method: str
-    posterior: MomentumPosterior
-    chi2_per_dof: float
-    joint_share: float
-    doubt: str = ''
-
-
-def finding_of(likelihood: MaximumLikelihood, method: str) -> Finding:
-    """What maximum likelihood has found so far."""
-    posterior, (squares, rows) = likelihood.posterior(), likelihood.misfit
-    chi2 = squares / max(rows - posterior.rank, 1)
-    is_done = likelihood.is_converged and posterior.is_settled
-    doubt = '' if is_done else 'the iteration has not converged'
-    return Finding(method, posterior, chi2, likelihood.joint_share, doubt)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,44 +47,42 @@ class Identification:
         estimate: Wheel momentum and minimal parameters.
         robot: The robot with the bodies and the wheel momentum found; None of `ls`.
         model: Of the unknowns. posterior: Of them; both None where bodies were not sought.
+        limit: Largest deviation of the wheel momentum that is valid [N m s].
     """
 
     estimate: Estimate
     robot: Robot | None = None
     model: MomentumModel | None = None
     posterior: MomentumPosterior | None = None
+    limit: float = np.inf
 
 
-def conclude(
-    model: MomentumModel, settings: IdentifierSettings, finding: Finding, source: Source
-) -> Identification:
+def conclude(likelihood: MaximumLikelihood, method: str, source: Source) -> Identification:
     """The estimate, and why it is not valid where it is not.
 
     Args:
-        model: Robot and unknowns.
-        settings: Limits of validity.
-        finding: What was found.
+        likelihood: What was found.
+        method: Its name.
         source: From what.
     """
-    posterior = finding.posterior
+    model, posterior = likelihood.model, likelihood.posterior()
     far = contradictions_of_file(model, posterior)
-    reason = '; '.join(source.faults) or _doubt(model, settings, finding, far)
+    reason = '; '.join(source.faults) or _doubt(likelihood, far)
     estimate = Estimate(
-        method=finding.method,
+        method=method,
         valid=not reason,
         reason=reason,
         rank=posterior.rank,
-        unknowns=model.size,
         condition=_condition(posterior.covariance[3:, 3:]),
         unexcited=from_the_file(model, posterior),
-        chi2_per_dof=finding.chi2_per_dof,
+        chi2_per_dof=likelihood.chi2_per_dof,
         samples=source.samples,
         stamp_ns=source.stamp_ns,
         notes=(*source.notes, *_notes(model, posterior, far)),
-        prior_factor=posterior.bodies.factor,
         **estimated_values(model, posterior),
     )
-    return Identification(estimate, model.robot_at(posterior.mean), model, posterior)
+    robot, limit = model.robot_at(posterior.mean), likelihood.limit
+    return Identification(estimate, robot, model, posterior, limit)
 
 
 def estimated_values(model: MomentumModel, posterior: MomentumPosterior) -> dict[str, Any]:
@@ -141,6 +111,8 @@ def estimated_values(model: MomentumModel, posterior: MomentumPosterior) -> dict
         'total_momentum': mean[:3],
         'total_momentum_covariance': covariance[:3, :3],
         'nuisances': tuple(NamedValue(*each) for each in nuisances),
+        'unknowns': model.size,
+        'prior_factor': posterior.factor,
     }
 
 
@@ -205,29 +177,18 @@ def nothing_known(
     model: MomentumModel, settings: IdentifierSettings, reason: str, stamp_ns: int
 ) -> Estimate:
     """The prior as an estimate that is not valid, for a reason, at a stamp [ns]."""
-    minimal, prior = minimal_set(model.robot, model.structure), model.prior()
-    slopes = model.bodies.derivatives(minimal.of_bodies, prior[model.y])
-    wheels = np.full(model.n_aam, settings.momentum_prior_std**2)
+    mean, std = prior_of(model, settings.momentum_prior_std, np.zeros(3), None)
     return Estimate(
         method='online',
         valid=False,
         reason=reason,
-        aam_links=tuple(g.link for g in model.robot.target_wheels),
-        aam=prior[model.aam],
-        parameter_names=minimal.names,
-        parameters=minimal.of_robot(model.robot),
-        units=minimal.units,
-        covariance=np.diag(np.concatenate([wheels, slopes**2 @ model.bodies.std**2])),
         rank=0,
-        unknowns=model.size,
         condition=float('inf'),
         unexcited=('everything',),
-        total_momentum=prior[:3],
-        total_momentum_covariance=(10.0 * settings.momentum_prior_std) ** 2 * np.eye(3),
         chi2_per_dof=0.0,
         samples=0,
         stamp_ns=stamp_ns,
-        sources=('file',) * (model.n_aam + len(minimal)),
+        **estimated_values(model, MomentumPosterior(mean, np.diag(std**2), std)),
     )
 
 
@@ -238,23 +199,19 @@ def _condition(covariance: Array) -> float:
     return float(np.sqrt(values[-1] / max(values[0], np.finfo(float).tiny)))
 
 
-def _doubt(
-    model: MomentumModel, settings: IdentifierSettings, finding: Finding, far: tuple[str, ...]
-) -> str:
+def _doubt(likelihood: MaximumLikelihood, far: tuple[str, ...]) -> str:
     """Why the data do not suffice; empty where they do."""
-    posterior = finding.posterior
-    if finding.chi2_per_dof > limits.LARGEST_CHI2 and not finding.doubt:
-        return unexplained(finding.chi2_per_dof)
-    if posterior.bodies.above > 0.5:
+    posterior = likelihood.posterior()
+    if likelihood.chi2_per_dof > limits.LARGEST_CHI2 and likelihood.is_settled:
+        return unexplained(likelihood.chi2_per_dof)
+    if posterior.above > 0.5:
         which = f' ({far[0]})' if far else ''
         return f'the data contradict the bodies of the robot file{which}'
-    if finding.doubt:
-        return finding.doubt
-    aam, std = posterior.mean[model.aam], np.sqrt(np.diag(posterior.covariance))[model.aam]
-    limit = settings.valid_std * max(float(np.linalg.norm(aam)), finding.joint_share, 1e-9)
-    if len(aam) and (largest := np.max(std)) > limit:
-        return too_weak(float(largest), limit)
-    return ''
+    if not likelihood.is_settled:
+        return 'the iteration has not converged'
+    std = np.sqrt(np.diag(posterior.covariance))[likelihood.model.aam]
+    limit = likelihood.limit
+    return too_weak(float(np.max(std)), limit) if np.any(std > limit) else ''
 
 
 def _notes(
@@ -263,7 +220,7 @@ def _notes(
     notes = [f'the file is contradicted: {line}' for line in far[: limits.MOST_LINES]]
     if far:
         notes.append(
-            f'the data scale the uncertainties of the file by {posterior.bodies.factor:.2g}: '
+            f'the data scale the uncertainties of the file by {posterior.factor:.2g}: '
             'robot.uncertainty says how sure the file is, by link where it differs'
         )
     if not np.any(model.robot.servicer_wheels.body_momentum):

@@ -32,39 +32,17 @@ taken to be swapped. The right order leaves 0.003 to 0.015 of the misfit (servic
 joint axes, 20 s), and an exchange of right columns multiplies it by 70 or more: ten times the
 noise stays below, a right record far above."""
 
-CONVERGED = 0.01
-"""Shift of the momenta that another pass is expected to make, in standard deviations, at which the
+CONVERGED = 0.02
+"""Largest shift that another pass is expected to make, in standard deviations, at which the
 iteration has settled: what is left is that much below what noise does."""
-
-SETTLED, CLOSE = 0.05, 0.2
-"""The same of the bodies, of which the momenta are a small share; and the shift of theirs that is
-asked for at which they need not settle further: some creep on by a tenth of what they ask for."""
 
 CONTRACTION = 3.0
 """By how much the share of a shift that a pass leaves may exceed the one before: in ten flights of
 the servicer shares were 0.002 to 0.04 at first and fell later, in one they rose threefold."""
 
-NEAR = 30.0
-"""Shift of the bodies that the last pass asked for, in standard deviations, up to which the rates
-that conserve momentum are better than the measured ones; momenta are linear, right after it."""
-
 MOST_PASSES = 20
 """Passes of the iteration; flights of two to seven joints settle in two to four where the file is
 right, in five to twelve where bodies are off by a third."""
-
-MOST_MINIMAL = 8
-"""Joints up to which the filter tells minimal parameters, (n + 2)(2n + 3) of them, and not bodies,
-ten each: with eight joints a pass takes 2.5 times as long, and fewer are needed."""
-
-BACKTRACK = 0.25
-"""Share of a step that is tried after one that made the constants less probable."""
-
-WORSE = 1.0
-"""Rise of twice the negative log probability that is none: weights of rows move with constants."""
-
-NEARER = 0.01
-"""Rise of the same, a row, up to which a step is taken that lessens the shift that is asked for:
-weights of rows that move with the constants make as much of it."""
 
 MOVED = 1.0
 """Shift of the constants since the last run through the buffer, in its standard deviations, that

@@ -10,7 +10,7 @@ import numpy as np
 from ..types import Array
 from .scaled_prior import ScaledPosterior, scaled_posterior
 
-LINEAR = 10.0
+_LINEAR = 10.0
 """Root mean square shift of the unknowns, in standard deviations, up to which a step is taken as
 the linear model has it; of eleven hard flights 1 to 1000 settle in as many steps or more."""
 _MOST = 150  # steps in all; a dozen where everything is off by a third
@@ -52,7 +52,6 @@ def curved_posterior(
     values: Array,
     std: Array,
     start: Array,
-    factor: float | None = None,
 ) -> CurvedPosterior:
     """Combine data |root (g(y) - g(start)) - values|^2 with a prior about zero.
 
@@ -65,13 +64,12 @@ def curved_posterior(
         values: (r,) its right-hand side.
         std: (m,) standard deviations of the prior at factor one.
         start: (m,) where to begin.
-        factor: Of the prior, where it is not sought.
     """
     problem = _Problem(curve, root, values, std, start)
-    now, steps = factor or 1.0, _MOST
+    now, steps = 1.0, _MOST
     while True:
         steps = problem.descend(now, steps)
-        slopes, posterior = problem.posterior(factor)
+        slopes, posterior = problem.posterior()
         change = abs(np.log(posterior.factor / now))
         if change < _SAME_FACTOR or steps <= 0:
             break
@@ -89,18 +87,18 @@ class _Problem:
         self._curve, self._root, self._std, self.y = curve, root, std, start
         self._values = values + root @ curve.told_of(start)
 
-    def posterior(self, factor: float | None) -> tuple[Array, ScaledPosterior]:
+    def posterior(self) -> tuple[Array, ScaledPosterior]:
         """(k, m) slopes, and the posterior with the values straight about `y`."""
         slopes = self._curve.told_slopes(self.y)
         told = self._root @ slopes
         square, right = _reduced(told, self._left(self.y) + told @ self.y)
-        return slopes, scaled_posterior(square, right, self._std, factor=factor)
+        return slopes, scaled_posterior(square, right, self._std)
 
     def descend(self, factor: float, steps: int) -> int:
         """Go to the most probable unknowns for a factor of the prior; how many steps are left.
 
         Levenberg and Marquardt's steps in the metric of the prior, at first damped so that an
-        unknown shifts by some `LINEAR` standard deviations (Nocedal and Wright, Numerical
+        unknown shifts by some `_LINEAR` standard deviations (Nocedal and Wright, Numerical
         Optimization, 10.3).
         """
         width, damping = factor * self._std, -1.0
@@ -115,7 +113,7 @@ class _Problem:
             if decrement < _DECREMENT:
                 break
             if damping < 0.0:
-                damping = decrement / len(width) / LINEAR**2
+                damping = decrement / len(width) / _LINEAR**2
             while steps > 0:
                 steps -= 1
                 step = vectors @ (along / (values + damping))

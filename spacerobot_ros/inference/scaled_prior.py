@@ -55,7 +55,6 @@ def scaled_posterior(
     std: Array,
     *,
     is_expected: bool = False,
-    factor: float | None = None,
 ) -> ScaledPosterior:
     """Combine data with a prior about zero.
 
@@ -65,15 +64,12 @@ def scaled_posterior(
         std: (m,) standard deviations of the prior at factor one, positive.
         is_expected: Whether the right-hand side is that of data without noise, for a covariance
             as data with noise have it in the mean: b_i^2 is then one larger.
-        factor: Of the prior, where it is not sought.
     """
     left, singular, right = np.linalg.svd(root * std)
     told = left.T @ values
     if is_expected:
         told = np.copysign(np.hypot(told, 1.0), told)
     log_s = np.linspace(-np.log(LARGEST), np.log(LARGEST), _NODES)
-    if factor is not None:
-        log_s = np.log([factor])
     variance = np.exp(2.0 * log_s)[:, None]
     strength = 1.0 + variance * singular**2
     log_z = -0.5 * np.sum(told**2 / strength + np.log(strength), axis=1)

@@ -8,6 +8,7 @@ import scipy
 from ..types import Array, IntArray
 
 _AT_ONCE = 500  # rows; as many as stay in a processor's cache
+_PANEL = 32  # columns that are cleared at once
 
 
 class SquareRootInformation:
@@ -30,26 +31,20 @@ class SquareRootInformation:
 
     def add(self, columns: Array, values: Array) -> None:
         """Add rows columns @ t = values, of unit variance; (r, p) and (r,)."""
-        size = self.size
-        triangle = np.zeros((size + 1, size + 1))
-        triangle[:size] = self.factor
+        triangle = np.zeros((self.size + 1, self.size + 1), order='F')
+        triangle[:-1] = self.factor
         for start in range(0, len(values), _AT_ONCE):
             part = slice(start, start + _AT_ONCE)
-            stacked = np.empty((size + 1 + len(values[part]), size + 1), order='F')
-            stacked[: size + 1] = triangle
-            stacked[size + 1 :, :size], stacked[size + 1 :, size] = columns[part], values[part]
-            triangle = np.triu(scipy.linalg.lapack.dgeqrf(stacked, overwrite_a=1)[0][: size + 1])
-        self.factor = triangle[:size]
-        self.residual += float(triangle[size, size] ** 2)
+            rows = np.asfortranarray(np.column_stack([columns[part], values[part]]))
+            panel = min(_PANEL, self.size + 1)
+            triangle = scipy.linalg.lapack.dtpqrt(0, panel, triangle, rows, 1, 1)[0]
+        self.factor = np.array(triangle[:-1], order='C')
+        self.residual += float(triangle[-1, -1] ** 2)
         self.rows += len(values)
 
     def reset_residual(self) -> None:
         """Count residual and rows from here: a prior is no part of the goodness of fit."""
         self.residual, self.rows = 0.0, 0
-
-    def shift(self, change: Array) -> None:
-        """Count the unknowns from a new origin: t -> t - change."""
-        self.factor[:, -1] -= self.factor[:, :-1] @ change
 
     def solve(self) -> tuple[Array, Array]:
         """Estimate (p,) and covariance (p, p); directions without information stay at zero."""

@@ -22,6 +22,7 @@ from spacerobot_ros.estimation.trajectory.motion_limits import Limits
 from spacerobot_ros.identification import advice as advice_module
 from spacerobot_ros.identification.advice import advise_on
 from spacerobot_ros.identification.maximum_likelihood import MaximumLikelihood, prepare
+from spacerobot_ros.identification.summary import Source, conclude
 from spacerobot_ros.model.settings import Settings, parse_settings
 
 TIME = np.arange(1001) / 100.0
@@ -43,8 +44,8 @@ def likelihood_of(record, robot, settings, known=None):
 
 
 def advised(record, robot, settings):
-    model, likelihood = likelihood_of(record, robot, settings)
-    return advise_on(record, model, likelihood.posterior(), settings)
+    _, likelihood = likelihood_of(record, robot, settings)
+    return advise_on(record, conclude(likelihood, 'ml', Source(0, 0)), settings)
 
 
 @lru_cache
@@ -107,8 +108,7 @@ def test_a_motion_tells_what_was_said(parts, monkeypatch):
     monkeypatch.setattr(advice_module._Range, '_play', remembered)
     record = swung(file, [0])
     model, first = likelihood_of(record, file.robot, file.settings)
-    posterior = first.posterior()
-    best = advise_on(record, model, posterior, file.settings)[0]
+    best = advise_on(record, conclude(first, 'ml', Source(0, 0)), file.settings)[0]
     probe, _, coarse = played[best.motion.removeprefix('bring the base to rest, then ')]
     times = np.arange(0.0, 40.005, 0.01)
     monkeypatch.setattr(advice_module, '_TIMES', times)
@@ -120,7 +120,7 @@ def test_a_motion_tells_what_was_said(parts, monkeypatch):
     joints = advice_module._swing(probe, reach, rest)
     motion = BaseResponse(file.robot).move(times, *joints, start)
     more = with_noise(noise_free_record(file.robot, motion, file.settings.simulator), 3)
-    known = first.known.of(slice(3, model.y.stop))
+    known = first.known.of(slice(3, model.filter_bodies.stop))
     _, both = likelihood_of(more, file.robot, file.settings, known)
     # cheap information on the estimate instead of the truth, and another factor of the prior
     std = np.sqrt(np.diag(both.posterior().covariance))[model.aam]

@@ -48,15 +48,10 @@ def test_directions_without_information_stay_at_zero(rng):
     np.testing.assert_array_equal(none, 0.0)
 
 
-def test_shift_and_reset_of_the_residual(rng):
+def test_reset_of_the_residual(rng):
     A, x = rng.standard_normal((10, 3)), np.array([1.0, -2.0, 3.0])
     information = SquareRootInformation(3)
     information.add(A, A @ x + 0.1)
-    before, _ = information.solve()
-    information.shift(np.array([1.0, 0.0, -1.0]))
-    np.testing.assert_allclose(
-        information.solve()[0], before - [1.0, 0.0, -1.0], rtol=0, atol=1e-13
-    )
     information.reset_residual()
     assert (information.residual, information.rows) == (0.0, 0)
 
@@ -121,9 +116,6 @@ def test_misfit_at_zero_counts_all(rng):
     information = SquareRootInformation(3)
     information.add(A, b)
     assert misfit(information) == pytest.approx(b @ b, rel=1e-12)
-    change = rng.standard_normal(3)
-    information.shift(change)
-    assert misfit(information) == pytest.approx(np.sum((b - A @ change) ** 2), rel=1e-12)
 
 
 def test_long_columns_are_added_in_parts_alike(rng):

@@ -130,13 +130,11 @@ class MomentumFilter:
 
     Attributes:
         information: Of the constants' errors.
-        log_spread: Sum of the logarithms of the innovations' standard deviations.
     """
 
     def __init__(self, model: MomentumModel) -> None:
         self._model = model
         self.information = SquareRootInformation(model.filter_size)
-        self.log_spread = 0.0
         self._last: tuple[float, scipy.spatial.transform.Rotation] | None = None
         self._covariance = np.zeros((0, 0))
         # Mean by 1 and constants; joints count from zero between stretches.
@@ -191,7 +189,6 @@ class MomentumFilter:
         gains = gains_of(space, self._covariance)
         rows = whiten(space, gains, self._mean, drives, defects, measured)
         self._covariance = gains.end
-        self.log_spread += float(np.sum(np.log(gains.std)))
         columns, values = -rows[:, 1:], rows[:, 0]
         self.information.add(columns, values)
         return columns, values
@@ -209,11 +206,6 @@ class MomentumFilter:
             0.0,
         )
         return time, rotation * correction
-
-    def shift_constants(self, change: Array) -> None:
-        """Count the constants' errors from a new origin."""
-        self.information.shift(change)
-        self._mean[:, 0] += self._mean[:, 1:] @ change
 
 
 def state_space(stretch: Stretch, part: Part, rate: RateErrorModel) -> tuple[StateSpace, Array]:

@@ -12,12 +12,13 @@ rate w_ref + D^-1 e that conserves momentum: taken at w_ref, whose noise e is ma
 be noise that agrees with the data. The reference comes from the data (splines), not from the
 constants, so wrong constants do not bend it.
 
-The filter's constants have y, or the minimal parameters x(y), in which momentum is linear: what is
-told of x stays right wherever the bodies turn out to be. There are more of them, so arms of many
-joints have y.
+The filter's constants have the minimal parameters x(y) in place of y: momentum is linear in them,
+so what is told of them stays right wherever the bodies turn out to be. Arms of many joints have
+fewer inertial parameters than these; momentum is linear in them but for the whole's centre of
+mass.
 
 Symbols: N times, n joints, m coordinates, p = 3 + 3 n_links + m + nuisances constants; of the
-filter g are as many with x, or y, in place of y.
+filter g are as many with x, or the inertial parameters, in place of y.
 """
 
 from __future__ import annotations
@@ -38,6 +39,10 @@ from ..unknowns.body_coordinates import BodyCoordinates
 from ..unknowns.minimal import minimal_regressor, minimal_set
 from ..unknowns.nuisances import Nuisances
 from ..unknowns.torque_hold import held_jerk
+
+_MOST_MINIMAL = 8
+"""Joints up to which the filter tells minimal parameters, (n + 2)(2n + 3) of them: with more there
+are twice as many as inertial parameters, ten a body, and a pass takes as much longer."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +67,6 @@ class MomentumModel:
         robot: Free-floating robot.
         structure: Of its bodies, `generic` or `symmetric` (`BodyCoordinates`).
         nuisances: Ids of further unknowns (see `Nuisances`).
-        is_minimal: Whether the filter's constants have minimal parameters in place of bodies.
 
     Attributes:
         bodies: Coordinates of the bodies.
@@ -76,14 +80,7 @@ class MomentumModel:
         ConfigurationError: fixed base.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        structure: str,
-        nuisances: tuple[str, ...] = (),
-        *,
-        is_minimal: bool = False,
-    ) -> None:
+    def __init__(self, robot: Robot, structure: str, nuisances: tuple[str, ...] = ()) -> None:
         check_momentum(robot)
         self.robot, self.structure = robot, structure
         self.bodies = BodyCoordinates(robot, structure)
@@ -97,16 +94,13 @@ class MomentumModel:
         self.y = slice(self.aam.stop, self.aam.stop + self.bodies.size)
         self.size = self.y.stop + self.nuisances.size
         self.other = slice(self.y.stop, self.size)
-        self._minimal = minimal_set(robot, structure) if is_minimal else None
-        count = self.bodies.size if self._minimal is None else len(self._minimal)
+        self._minimal = minimal_set(robot, structure) if self.n <= _MOST_MINIMAL else None
+        has_mass = [body.mass > 0.0 for body in robot.bodies]
+        self._inertial = np.flatnonzero(np.repeat(has_mass, 10))
+        count = len(self._inertial if self._minimal is None else self._minimal)
         self.filter_bodies = slice(self.y.start, self.y.start + count)
         self.filter_size = self.filter_bodies.stop + self.nuisances.size
         self.filter_other = slice(self.filter_bodies.stop, self.filter_size)
-
-    @property
-    def is_minimal(self) -> bool:
-        """Whether the filter's constants have minimal parameters in place of bodies."""
-        return self._minimal is not None
 
     def filtered(self, constants: Array) -> Array:
         """(g,) the filter's constants for constants (p,)."""
@@ -114,13 +108,16 @@ class MomentumModel:
         return np.concatenate([constants[: self.y.start], bodies, constants[self.other]])
 
     def told_of(self, y: Array) -> Array:
-        """(k,) what the filter tells of bodies: minimal parameters, or the coordinates (m,)."""
-        return y if self._minimal is None else self._minimal.of_bodies(*self.bodies.bodies(y))
+        """(k,) what the filter tells of bodies at coordinates (m,)."""
+        if self._minimal is None:
+            return self.bodies.rows(y).ravel()[self._inertial]
+        return self._minimal.of_bodies(*self.bodies.bodies(y))
 
     def told_slopes(self, y: Array) -> Array:
         """(k, m) derivatives of `told_of`."""
         if self._minimal is None:
-            return np.eye(len(y))
+            slopes = scipy.linalg.block_diag(*self.bodies.slopes(y))
+            return np.asarray(slopes[np.ix_(self._inertial, self.bodies.free.ravel())])
         return self.bodies.derivatives(self._minimal.of_bodies, y)
 
     def stepped(self, y: Array, step: Array) -> Array:
@@ -190,14 +187,13 @@ class MomentumModel:
         missing += added + by_aam @ constants[self.aam]
         inverse = np.linalg.inv(moving.inertia[:, :, :3])
         offset = np.einsum('nab,nb->na', inverse, missing)
-        right = reference
         if is_near:
-            right = replace(reference, omega=reference.omega + offset)
-            moving = self._moving(right, constants)
+            reference = replace(reference, omega=reference.omega + offset)
+            moving = self._moving(reference, constants)
         if self._minimal is None:
-            columns[..., self.filter_bodies] = -self._by_bodies(moving, constants)
+            columns[..., self.filter_bodies] = -moving.by_bodies[..., self._inertial]
         else:
-            columns[..., self.filter_bodies] = -minimal_regressor(self._minimal, right)
+            columns[..., self.filter_bodies] = -minimal_regressor(self._minimal, reference)
         columns[..., self.aam] += by_aam
         external = np.flatnonzero(self.nuisances.is_external)
         by_external = columns[..., self.filter_other.start + external]
