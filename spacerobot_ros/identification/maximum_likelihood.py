@@ -72,10 +72,6 @@ class MaximumLikelihood:
         self._share = 1.0  # of a shift, that a pass leaves
         self._posterior: MomentumPosterior | None = None
 
-    def anew(self) -> MaximumLikelihood:
-        """Another one that knows what this one knew at first."""
-        return MaximumLikelihood(self.model, self._settings, self._known)
-
     @property
     def known(self) -> Known | None:
         """What other segments of the run may know; None: nothing yet."""

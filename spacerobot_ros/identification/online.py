@@ -32,7 +32,6 @@ from ..recording.record import Record
 from ..types import Array
 from .estimate import Estimate
 from .maximum_likelihood import Known
-from .misfit import Misfit
 from .outliers import LONGEST_PAUSE, first_pause
 from .saved_knowledge import Knowledge
 from .segment import Past, Screened, Segment
@@ -40,6 +39,7 @@ from .summary import Identification, Source, conclude, nothing_known
 
 _LAG = 0.5  # s of data kept back at least, where the spline is not settled yet
 _CONTEXT = 2.0  # s of data before a new stretch that its spline also fits
+_FORGIVEN = 2  # stretches in a row that contradict what was learned, before that is doubted
 _FAILURES = (ArithmeticError, LookupError, RuntimeError, ValueError)
 """What numerical libraries raise where data defeat them (`LinAlgError` is a ValueError)."""
 _WORDS = {'joints': 'joint states', 'imu': 'gyro', 'attitude': 'attitude'}
@@ -115,13 +115,13 @@ class OnlineIdentifier:
         self._known = known  # when `_last` was concluded
         self._learned: Knowledge | None = None  # the two together, but for what was read
         self.samples = SampleBuffer(self._joints, LONGEST_GAP, LONGEST_GAP)
-        past = Past(source)
+        past = Past(source, Counter(), 0)
         self._segment = Segment(self.model, self._settings, self.samples, -np.inf, known, past)
 
     def _begin(self, start: float, known: Known | None) -> None:
         """Begin another segment after a time [s], knowing of the robot what is known."""
         last = self._segment
-        past = Past(last.source, last.left_out, last.misfit.anew())
+        past = Past(last.source, last.left_out, last.contradicted)
         self._segment = Segment(self.model, self._settings, self.samples, start, known, past)
 
     def add_joints(self, stamp_ns: int, q: Array, qd: Array) -> None:
@@ -197,7 +197,7 @@ class OnlineIdentifier:
             if doubt := segment.learn(record, end, newest):
                 return self._leave_out(record, end, doubt, before)
             self._known = segment.likelihood.known
-            segment.misfit = Misfit(*segment.likelihood.misfit)
+            segment.accept()
             return self._conclude(end)
         except _FAILURES as error:
             self._begin(end, self._known_of(0, self.model.filter_bodies.stop))
@@ -209,7 +209,7 @@ class OnlineIdentifier:
 
     def _leave_out(self, record: Record, end: float, doubt: str, before: Segment) -> Estimate:
         """Do without what is new up to a time [s]: another segment begins behind all that came."""
-        misfit = self._segment.misfit.left_out()
+        contradicted = self._segment.contradicted + 1
         if self._known is None:
             self._conclude(end)
         else:
@@ -217,12 +217,12 @@ class OnlineIdentifier:
             times = (record.joint_time, record.rate_time, record.attitude_time)
             new = {s: int(np.sum(t > before.done)) for s, t in zip(_WORDS, times, strict=True)}
             before.left_out = before.left_out + Counter(new)
-        if misfit.contradicted > 1:
+        if contradicted > 1:
             self._known = self._known_of(3, self.model.filter_bodies.stop)
-        if self._last is not None and (self._known is None or misfit.is_lasting):
+        if self._last is not None and (self._known is None or contradicted > _FORGIVEN):
             doubted = replace(self._last.estimate, valid=False, reason=doubt)
             self._last = replace(self._last, estimate=doubted)
-        self._segment.misfit = misfit
+        self._segment.contradicted = contradicted
         self._begin(float(max(record.joint_time[-1], record.rate_time[-1])), self._known)
         return self._nothing(doubt)
 

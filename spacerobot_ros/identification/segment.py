@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,10 +24,16 @@ from ..recording.buffer import SampleBuffer
 from ..recording.faults.motion_faults import contradictions
 from ..recording.record import Record
 from .maximum_likelihood import Known, MaximumLikelihood, prepare
-from .misfit import Misfit
 from .outliers import common_time, without_outliers
-from .summary import Source
-from .validity_limits import FIRST, MOVED, SHORTEST
+from .summary import Source, unexplained
+from .validity_limits import (
+    FIRST,
+    LARGEST_CHI2,
+    MOVED,
+    SHORTEST,
+    SUSPICIOUS,
+    SUSPICIOUS_SCATTER,
+)
 
 _LARGEST = 20_000
 """Samples of one sensor in one solution: it takes 36 kB of memory for each (servicer)."""
@@ -37,19 +44,18 @@ Screened = tuple[Record, Callable[..., Counter[str]]]
 """A record without outliers, and what counts them between two times [s]."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Past:
+class Past(NamedTuple):
     """Segments before one.
 
     Args:
         source: What they came from.
         left_out: Samples that were left out of them, by sensor.
-        misfit: Of what was left out right before.
+        contradicted: Stretches in a row, right before, that contradict what was learned.
     """
 
     source: Source
-    left_out: Counter[str] = field(default_factory=Counter)
-    misfit: Misfit = field(default_factory=Misfit)
+    left_out: Counter[str]
+    contradicted: int
 
 
 class Segment:
@@ -69,7 +75,7 @@ class Segment:
         source: What the constants came from, segments before this one included.
         left_out: Samples that contradict their neighbours, by sensor, those before included;
             never changed in place.
-        misfit: Of what was used.
+        contradicted: Stretches in a row that contradict what was learned, and were not used.
     """
 
     def __init__(
@@ -85,8 +91,9 @@ class Segment:
         self.start = start
         self.done = max(start, 0.0)
         self.likelihood = MaximumLikelihood(model, settings, known)
-        self.misfit, self.source, self.left_out = past.misfit, past.source, past.left_out
         self._past = past
+        self.source, self.left_out, self.contradicted = past
+        self._used = 0.0, 0  # squares and rows of what was accepted
         self._least = FIRST if known is None else SHORTEST
         self._noise: NoiseLevels | None = None
         self._first_joints: float | None = None  # from which holds count
@@ -122,28 +129,45 @@ class Segment:
         """Run through what is new up to a time [s]; why it does not fit, empty where it does."""
         if self._noise is not None and not (self._is_whole(end) and self._is_rerun_due(end)):
             self._run_new(record, end, *newest)
-            if suspicion := self.misfit.suspicion(*self.likelihood.misfit):
+            if suspicion := self._suspicion():
                 return suspicion
-            doubt = self.misfit.doubt(*self.likelihood.misfit)
+            doubt = self._misfit_beyond(*self._used)
             if not (doubt and self._is_whole(end)):
                 return doubt  # otherwise it may be linearized too far away
         self._run_all(record, end)
-        if (doubt := self._doubt()) and not self.likelihood.is_converged:
-            self.likelihood = self.likelihood.anew()  # caught where the first seconds led
-            self._run_all(record, end)
-            doubt = self._doubt()
-        return doubt
+        # about constants that have not settled, what old and new data leave moves between them
+        used = self._used if self.likelihood.is_converged else (0.0, 0)
+        return '; '.join(self.source.faults) or self._misfit_beyond(*used)
+
+    def accept(self) -> None:
+        """Judge what comes by what was learned up to now."""
+        self._used, self.contradicted = self.likelihood.misfit, 0
+
+    def _misfit_beyond(self, squares: float, rows: int, limit: float = LARGEST_CHI2) -> str:
+        """What to say where rows beyond some, and their squares, can't be of the same model.
+
+        By what they add: a long run before them must not hide them.
+        """
+        all_squares, all_rows = self.likelihood.misfit
+        chi2 = (all_squares - squares) / max(1, all_rows - rows)
+        return '' if chi2 <= limit else unexplained(chi2)
+
+    def _suspicion(self) -> str:
+        """What to say of a stretch that is clearly worse than those before.
+
+        A single one is left out; where the next is, too, noise may have grown.
+        """
+        squares, rows = self._used
+        if not rows or self.contradicted:
+            return ''
+        new = max(1, self.likelihood.misfit[1] - rows)
+        limit = max(SUSPICIOUS, 1.0 + SUSPICIOUS_SCATTER * (2.0 / new) ** 0.5)
+        return self._misfit_beyond(squares, rows, limit * squares / rows)
 
     def is_kept_up_to(self, end: float) -> bool:
         """Whether all its samples up to a time [s] are worth keeping; once not, never again."""
         self._is_kept = self._is_whole(end)
         return self._is_kept
-
-    def _doubt(self) -> str:
-        """Why the data that were run through do not fit; empty where they do."""
-        # about constants that have not settled, what old and new data leave moves between them
-        earlier = self.misfit if self.likelihood.is_converged else Misfit()
-        return '; '.join(self.source.faults) or earlier.doubt(*self.likelihood.misfit)
 
     def _run_all(self, record: Record, end: float) -> None:
         used = record.between(-np.inf, end)
