@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..control.joint_reference import check_reference
 from ..dynamics.state import initial_state
@@ -27,7 +26,7 @@ from ..estimation.trajectory.base_response import (
     noise_free_record,
 )
 from ..estimation.trajectory.motion_limits import Use
-from ..estimation.trajectory.reference import Kinematics
+from ..estimation.unknowns.minimal import minimal_set
 from ..estimation.unknowns.torque_hold import find_holds
 from ..identification.cramer_rao import information_root
 from ..identification.momentum_posterior import posterior_of, prior_of
@@ -43,8 +42,7 @@ REST = 10.0  # s of rest, measured before a spin-up
 _LEAST_OFTEN = 50.0  # Hz; of the motion along which the base's own is found
 _SAMPLING = 0.04  # s; of the motion in the paper's A
 _NONZERO = 1e-3  # of the largest parameter; smaller ones have no meaningful relative error
-_RANK_TOLERANCE = 1e-8
-_SEED = 20  # of the states that span what motions can tell; any gives the same rank
+_RANK_TOLERANCE = 1e-8  # differences are good to 1e-10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -282,15 +280,10 @@ def _as_stated(model: MomentumModel, factor: Array) -> Array:
 
 def _tellable(model: MomentumModel) -> int:
     """Number of directions of [AAM; y] that change the momentum at all."""
-    rng, count = np.random.default_rng(_SEED), 2 * model.size
-    q, qd = rng.uniform(-np.pi, np.pi, (2, count, model.n))
-    rotation = Rotation.random(count, random_state=_SEED)
-    states = Kinematics(np.zeros(count), q, qd, rng.normal(size=(count, 3)), rotation)
-    _, columns = model.balance(states, model.prior())
-    rows = columns[..., 3 : model.y.stop].reshape(3 * count, -1)
-    rows /= np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
-    singular = np.linalg.svd(np.linalg.qr(rows, mode='r'), compute_uv=False)
-    return int(np.sum(singular > _RANK_TOLERANCE * singular[0]))
+    minimal, y = minimal_set(model.robot, model.structure), model.prior()[model.y]
+    slopes = model.bodies.derivatives(minimal.of_bodies, y)
+    scaled = slopes / np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+    return model.n_aam + int(np.linalg.matrix_rank(scaled, tol=_RANK_TOLERANCE * len(y)))
 
 
 def _rest_rows(problem: Problem, model: MomentumModel, motion: BaseMotion) -> Array:

@@ -30,6 +30,7 @@ from ..estimation.fit import Fit
 from ..estimation.runs import Run
 from ..estimation.trajectory.base_response import noise_free_record
 from ..identification.information import with_typical
+from ..inference.gram import Gram
 from ..json_values import json_as
 from ..model.robot import Robot
 from ..types import Array
@@ -80,11 +81,9 @@ class Contrast:
     @classmethod
     def of(cls, own: Array, other: Array) -> Contrast:
         """Of whitened columns (R, K) against others (R, L)."""
-        total = own.T @ own
-        across = other.T @ own
-        imitated = np.linalg.solve(other.T @ other + np.eye(other.shape[1]), across)
-        size = max(1, len(total))
-        parts = total, total - across.T @ imitated
+        gram, count = Gram.of(np.hstack([other, own]), np.zeros(len(own))), other.shape[1]
+        parts = own.T @ own, gram.without(count, np.ones(count)).matrix
+        size = max(1, own.shape[1])
         return cls(*(math.sqrt(max(float(np.trace(part)), 0.0) / size) for part in parts))
 
 

@@ -101,21 +101,21 @@ def _recursive(record: Record, robot: Robot, settings: IdentifierSettings) -> Id
     if joints is None or joints.velocity is None or rates is None or attitudes is None:
         raise IdentificationError(f'{record.source}: method `recursive` needs joint rates')
     identifier = OnlineIdentifier(robot, settings)
-    feeds: tuple[tuple[IntArray, Callable[..., None], tuple[Array, ...]], ...] = (
-        (joints.stamp_ns, identifier.add_joints, (joints.position, joints.velocity)),
-        (rates.stamp_ns, identifier.add_rate, (rates.omega,)),
-        (attitudes.stamp_ns, identifier.add_attitude, (attitudes.q_xyzw,)),
+    series: tuple[tuple[Callable[..., None], tuple[Array | IntArray, ...]], ...] = (
+        (identifier.add_joints, (joints.stamp_ns, joints.position, joints.velocity)),
+        (identifier.add_rate, (rates.stamp_ns, rates.omega)),
+        (identifier.add_attitude, (attitudes.stamp_ns, attitudes.q_xyzw)),
     )
-    given, newest = [0] * len(feeds), max(int(stamps[-1]) for stamps, *_ in feeds)
-    until = min(int(stamps[0]) for stamps, *_ in feeds)
-    while until < newest:
-        until = min(until + round(settings.solve_period * 1e9), newest)
-        for k, (stamps, add, values) in enumerate(feeds):
-            end = int(np.searchsorted(stamps, until, side='right'))
-            for i in range(given[k], end):
-                add(int(stamps[i]), *(value[i] for value in values))
-            given[k] = end
-        identifier.solve()
+    samples = [(int(ns), add, own) for add, each in series for ns, *own in zip(*each, strict=True)]
+    samples.sort(key=lambda sample: sample[0])
+    period_ns = round(settings.solve_period * 1e9)
+    until = samples[0][0] + period_ns
+    for stamp_ns, add, own in samples:
+        while stamp_ns > until:
+            identifier.solve()
+            until += period_ns
+        add(stamp_ns, *own)
+    identifier.solve()
     found = identifier.last
     estimate = replace(found.estimate, method='recursive')
     return replace(found, estimate=replace(estimate, notes=(*record.notes, *estimate.notes)))
@@ -146,18 +146,16 @@ def swapped_joints(
 ) -> tuple[str, ...]:
     """The pair of joints whose exchange makes momentum hold, in a line; empty where none does."""
     sparse = reference.part(slice(None, None, max(1, len(reference.time) // _ROWS)))
-    as_given = _momentum_misfit(model, sparse)
     misfits = {}
-    for a, b in combinations(range(model.n), 2):
-        order = list(range(model.n))
-        order[a], order[b] = b, a
+    for pair in combinations(range(model.n), 2):
+        order = np.arange(model.n)
+        order[list(pair)] = pair[::-1]
         exchanged = replace(sparse, q=sparse.q[:, order], qd=sparse.qd[:, order])
-        misfits[joints[a], joints[b]] = _momentum_misfit(model, exchanged)
-    if not misfits:
-        return ()
-    pair = min(misfits, key=lambda names: misfits[names])
-    if misfits[pair] < EXCHANGED_MISFIT * as_given:
-        return (f'the columns of {pair[0]} and {pair[1]} seem to be swapped',)
+        misfits[_momentum_misfit(model, exchanged)] = pair
+    least = min(misfits, default=np.inf)
+    if least < EXCHANGED_MISFIT * _momentum_misfit(model, sparse):
+        a, b = (joints[k] for k in misfits[least])
+        return (f'the columns of {a} and {b} seem to be swapped',)
     return ()
 
 

@@ -31,6 +31,7 @@ from ..dynamics.rotation import skew
 from ..estimation.filters.momentum_process import MomentumModel
 from ..estimation.trajectory.base_response import BaseMotion
 from ..estimation.trajectory.reference import NoiseLevels
+from ..inference.gram import Gram
 from ..model.robot_settings import SensorSettings
 from ..model.settings import IdentifierSettings, SimulatorSettings
 from ..types import Array
@@ -107,19 +108,16 @@ class Information:
 
     def fisher(self, motion: BaseMotion) -> Array:
         """(B, m, m) information of [AAM; y] in units of the prior's std."""
-        columns = self._columns(motion)
-        bias = len(self._bias_std)
-        drive = np.zeros((*columns.shape[:-1], bias + columns.shape[-1]))
-        drive[..., :3] = motion.inverse @ columns[..., :3]
-        drive[..., 3 + bias :] = motion.inverse @ columns[..., 3:]
-        psi, rate = _sensitivities(motion, drive)
+        driven, bias = motion.inverse @ self._columns(motion), len(self._bias_std)
+        psi, rate = _sensitivities(motion, np.insert(driven, bias * [3], 0.0, axis=-1))
         if bias:
             rate[..., 6 : 6 + bias] += np.eye(3)
         info = _gram(self._weights(motion) @ rate) + _gram(psi / self._attitude_noise)
         info *= motion.time[1] - motion.time[0]
-        known = np.arange(6, 6 + bias)
-        info[:, known, known] += 1.0 / self._bias_std**2
-        return _eliminate(info, 6 + bias) * np.outer(self.prior_std, self.prior_std)
+        others = np.append(np.zeros(6), 1.0 / self._bias_std**2)
+        grams = (Gram(one, np.zeros(len(one)), 0.0, 0) for one in info)
+        left = np.stack([gram.without(len(others), others).matrix for gram in grams])
+        return left * np.outer(self.prior_std, self.prior_std)
 
     def _columns(self, motion: BaseMotion) -> Array:
         """(B, T, 3, 3 + m) derivatives of the momentum equation by [h_W; AAM; y], in base axes."""
@@ -169,15 +167,3 @@ def _gram(rows: Array) -> Array:
     """(B, c, c) sums of squares of rows (B, T, 3, c)."""
     flat = rows.reshape(len(rows), -1, rows.shape[-1])
     return np.swapaxes(flat, 1, 2) @ flat
-
-
-def _eliminate(information: Array, count: int) -> Array:
-    """What remains of an information when its first `count` unknowns are eliminated."""
-    mixed = information[:, :count, count:]
-    first = information[:, :count, :count]
-    scale = np.sqrt(np.einsum('bii->bi', first))
-    unit = first / (scale[:, :, None] * scale[:, None, :])
-    scaled = mixed / scale[:, :, None]
-    return information[:, count:, count:] - np.swapaxes(scaled, 1, 2) @ np.linalg.solve(
-        unit, scaled
-    )

@@ -74,7 +74,7 @@ class OnlineIdentifier:
     def begin_segment(self) -> None:
         """Take what comes now as another run of the same robot, whatever its stamps."""
         self.samples = SampleBuffer(self._joints, LONGEST_GAP, LONGEST_GAP)
-        self._begin(-np.inf, self._known_of(3, self.model.filter_bodies.stop))
+        self._begin(-np.inf, self._known_from(3))
 
     def copy(self) -> OnlineIdentifier:
         """What `reset`, `begin_segment` or `go_on` may change while a thread solves this one."""
@@ -158,9 +158,8 @@ class OnlineIdentifier:
             raise
         except _FAILURES as error:
             newest_ns = self.samples.newest_ns
-            self._begin(
-                np.inf if newest_ns is None else self.samples.seconds(newest_ns), self._known
-            )
+            start = np.inf if newest_ns is None else self.samples.seconds(newest_ns)
+            self._begin(start, self._known)
             raise _unusable('newest samples', error) from error
 
     def _use(self, until_ns: int | None) -> Estimate:
@@ -184,7 +183,7 @@ class OnlineIdentifier:
         record, tail = (each.between(-np.inf, before) for each in (record, tail))
         with suppress(IdentificationError):
             self._solve(record, before, (tail, count))
-        self._begin(0.5 * (before + after), self._known_of(0, self.model.filter_bodies.stop))
+        self._begin(0.5 * (before + after), self._known_from(0))
         return self._use(until_ns)
 
     def _solve(self, record: Record, end: float, newest: Screened) -> Estimate:
@@ -200,7 +199,7 @@ class OnlineIdentifier:
             segment.accept()
             return self._conclude(end)
         except _FAILURES as error:
-            self._begin(end, self._known_of(0, self.model.filter_bodies.stop))
+            self._begin(end, self._known_from(0))
             raise _unusable(f'samples up to {end:.6g} s', error) from error
 
     def _settled(self, record: Record) -> float:
@@ -218,7 +217,7 @@ class OnlineIdentifier:
             new = {s: int(np.sum(t > before.done)) for s, t in zip(_WORDS, times, strict=True)}
             before.left_out = before.left_out + Counter(new)
         if contradicted > 1:
-            self._known = self._known_of(3, self.model.filter_bodies.stop)
+            self._known = self._known_from(3)
         if self._last is not None and (self._known is None or contradicted > _FORGIVEN):
             doubted = replace(self._last.estimate, valid=False, reason=doubt)
             self._last = replace(self._last, estimate=doubted)
@@ -226,8 +225,9 @@ class OnlineIdentifier:
         self._begin(float(max(record.joint_time[-1], record.rate_time[-1])), self._known)
         return self._nothing(doubt)
 
-    def _known_of(self, first: int, stop: int) -> Known | None:
-        """What is known of the constants from one up to another."""
+    def _known_from(self, first: int) -> Known | None:
+        """What is known of the constants from one on, nuisances aside."""
+        stop = self.model.filter_bodies.stop
         return None if self._known is None else self._known.of(slice(first, stop))
 
     def _conclude(self, end: float) -> Estimate:

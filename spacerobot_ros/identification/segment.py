@@ -23,17 +23,10 @@ from ..model.settings import IdentifierSettings
 from ..recording.buffer import SampleBuffer
 from ..recording.faults.motion_faults import contradictions
 from ..recording.record import Record
+from . import validity_limits as limits
 from .maximum_likelihood import Known, MaximumLikelihood, prepare
 from .outliers import common_time, without_outliers
 from .summary import Source, unexplained
-from .validity_limits import (
-    FIRST,
-    LARGEST_CHI2,
-    MOVED,
-    SHORTEST,
-    SUSPICIOUS,
-    SUSPICIOUS_SCATTER,
-)
 
 _LARGEST = 20_000
 """Samples of one sensor in one solution: it takes 36 kB of memory for each (servicer)."""
@@ -88,17 +81,15 @@ class Segment:
         past: Past,
     ) -> None:
         self._model, self._settings, self._samples = model, settings, samples
-        self.start = start
-        self.done = max(start, 0.0)
+        self.start, self.done = start, max(start, 0.0)
         self.likelihood = MaximumLikelihood(model, settings, known)
         self._past = past
         self.source, self.left_out, self.contradicted = past
         self._used = 0.0, 0  # squares and rows of what was accepted
-        self._least = FIRST if known is None else SHORTEST
+        self._least = limits.FIRST if known is None else limits.SHORTEST
         self._noise: NoiseLevels | None = None
         self._first_joints: float | None = None  # from which holds count
-        self._is_kept = True
-        self._next_rerun = 0.0
+        self._is_kept, self._next_rerun = True, 0.0
         self._rerun_constants = model.prior()
 
     def lacking(self, record: Record, end: float) -> str:
@@ -143,7 +134,7 @@ class Segment:
         """Judge what comes by what was learned up to now."""
         self._used, self.contradicted = self.likelihood.misfit, 0
 
-    def _misfit_beyond(self, squares: float, rows: int, limit: float = LARGEST_CHI2) -> str:
+    def _misfit_beyond(self, squares: float, rows: int, limit: float = limits.LARGEST_CHI2) -> str:
         """What to say where rows beyond some, and their squares, can't be of the same model.
 
         By what they add: a long run before them must not hide them.
@@ -161,7 +152,7 @@ class Segment:
         if not rows or self.contradicted:
             return ''
         new = max(1, self.likelihood.misfit[1] - rows)
-        limit = max(SUSPICIOUS, 1.0 + SUSPICIOUS_SCATTER * (2.0 / new) ** 0.5)
+        limit = max(limits.SUSPICIOUS, 1.0 + limits.SUSPICIOUS_SCATTER * (2.0 / new) ** 0.5)
         return self._misfit_beyond(squares, rows, limit * squares / rows)
 
     def is_kept_up_to(self, end: float) -> bool:
@@ -208,7 +199,7 @@ class Segment:
             return True
         posterior = self.likelihood.posterior()
         moved = np.abs(posterior.mean - self._rerun_constants)
-        return bool(np.any(moved > MOVED * np.sqrt(np.diag(posterior.covariance))))
+        return bool(np.any(moved > limits.MOVED * np.sqrt(np.diag(posterior.covariance))))
 
     def _holds(self, record: Record) -> Holds:
         if self._first_joints is None:

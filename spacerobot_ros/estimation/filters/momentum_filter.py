@@ -24,7 +24,7 @@ from ...types import Array, IntArray
 from ..trajectory.reference import NoiseLevels, ReferenceTrajectory
 from ..trajectory.sampled_motion import SampledMotion
 from ..trajectory.time_base import CHANNELS, channel_stamps, measured_rows
-from ..unknowns.torque_hold import Holds
+from ..unknowns.torque_hold import Holds, held_jerk
 from .kalman import StateSpace, gains_of, whiten
 from .momentum_process import MomentumModel, RateErrorModel
 from .momentum_steps import driven_by_joints, transitions_of
@@ -106,7 +106,7 @@ class Stretch(SampledMotion):
         """(R,) what nuisances add to the samples, and (R, m) its derivatives by them."""
         nuisances = model.nuisances
         is_held = self.holds is not None and nuisances.torque_hold is not None
-        jerk = model.held_jerk(self.reference, constants) if is_held else None
+        jerk = held_jerk(model.robot_at(constants), self.reference) if is_held else None
         held_parts = {'gyro': slice(0, 3), 'joint_velocity': slice(3, None)}
         totals, columns = {}, {}
         for channel, stamps in channel_stamps(self.record).items():

@@ -34,11 +34,10 @@ from ...dynamics.rotation import skew
 from ...dynamics.tree import Records, tree_of
 from ...model.robot import Robot
 from ...types import Array
-from ..trajectory.reference import Kinematics, ReferenceTrajectory
+from ..trajectory.reference import Kinematics
 from ..unknowns.body_coordinates import BodyCoordinates
 from ..unknowns.minimal import minimal_regressor, minimal_set
 from ..unknowns.nuisances import Nuisances
-from ..unknowns.torque_hold import held_jerk
 
 _MOST_MINIMAL = 8
 """Joints up to which the filter tells minimal parameters, (n + 2)(2n + 3) of them: with more there
@@ -161,12 +160,6 @@ class MomentumModel:
         inertia = self._moving(motion, constants).inertia[:, :, 3:]
         share = np.einsum('naj,nj->na', inertia, motion.qd)
         return float(np.max(np.linalg.norm(share, axis=1), initial=0.0))
-
-    def held_jerk(
-        self, trajectory: ReferenceTrajectory, constants: Array
-    ) -> scipy.interpolate.CubicSpline:
-        """(3 + n) jerk that held torques make (`torque_hold.held_jerk`), about constants."""
-        return held_jerk(self.robot_at(constants), trajectory)
 
     def linearize(
         self, reference: Kinematics, constants: Array, *, is_near: bool = True

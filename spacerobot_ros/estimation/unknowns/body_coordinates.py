@@ -24,7 +24,6 @@ from ...types import Array
 
 _RUN_AWAY = 2.0  # of a step, by which coordinates may move as the parameters go straight
 _STEP = 1e-5  # of the derivatives; the coordinates are of order one
-_AT_ONCE = 64  # coordinates differentiated together: bounds memory
 _DIAGONAL, _BELOW = np.arange(3), (np.array([1, 2, 2]), np.array([0, 0, 1]))
 _LOWER = (np.array([0, 0, 1, 0, 1, 2]), np.array([0, 1, 1, 2, 2, 2]))  # Ixx Ixy Iyy Ixz Iyz Izz
 PARTS = ('mass', *3 * ('com',), *6 * ('inertia',))
@@ -46,8 +45,7 @@ class BodyCoordinates:
     """
 
     def __init__(self, robot: Robot, structure: str) -> None:
-        self._robot = robot
-        bodies = robot.bodies
+        self._robot, bodies = robot, robot.bodies
         self._mass = np.array([b.mass for b in bodies])
         self._com = np.array([b.com for b in bodies])
         is_massless = self._mass == 0.0
@@ -57,11 +55,8 @@ class BodyCoordinates:
         free = np.array([_free_entries(b, structure, i == 0) for i, b in enumerate(bodies)])
         self.free = free & ~is_massless[:, None]
         self.size = int(np.sum(self.free))
-        widths = [
-            [getattr(u, part) for part in PARTS]
-            for u in map(robot.uncertainty_of, range(len(bodies)))
-        ]
-        self.std = np.array(widths)[self.free]
+        stated = map(robot.uncertainty_of, range(len(bodies)))
+        self.std = np.array([[getattr(u, part) for part in PARTS] for u in stated])[self.free]
 
     def bodies(self, coordinates: Array) -> tuple[Array, Array, Array]:
         """Masses (..., b), centres (..., b, 3) and inertias about them (..., b, 3, 3).
@@ -124,12 +119,9 @@ class BodyCoordinates:
             of: Values (..., k) of masses, centres and inertias as `bodies` gives them.
             coordinates: (m,).
         """
-        out = []
-        for start in range(0, self.size, _AT_ONCE):
-            steps = _STEP * np.eye(self.size)[start : start + _AT_ONCE]
-            ahead, behind = (of(*self.bodies(coordinates + s * steps)) for s in (1.0, -1.0))
-            out.append((ahead - behind) / (2.0 * _STEP))
-        return np.concatenate(out).T
+        steps = _STEP * np.eye(self.size)
+        ahead, behind = (of(*self.bodies(coordinates + s * steps)) for s in (1.0, -1.0))
+        return np.asarray((ahead - behind).T / (2.0 * _STEP))
 
     def rows(self, coordinates: Array) -> Array:
         """(..., b, 10) inertial parameters in Pinocchio's order."""
