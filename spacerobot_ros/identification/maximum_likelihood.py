@@ -161,13 +161,10 @@ class MaximumLikelihood:
                 self._beyond = _beyond(values)
                 break
             is_near = True
-        self._joint_share = self.model.joint_share(stretch.kinematics, self.posterior().mean)
+        self._joint_share = self._move_on(stretch)
 
     def extend(self, record: Record, context: Record, noise: NoiseLevels, holds: Holds) -> Stretch:
-        """Continue with what came since the last stretch, about the same constants.
-
-        Stretches about different ones would disagree, and what no motion tells would seem told
-        (Huang, Mourikis and Roumeliotis, IJRR 29 (2010) 502).
+        """Continue with what came since the last stretch.
 
         Args:
             record: Samples since then.
@@ -187,11 +184,9 @@ class MaximumLikelihood:
         rows: list[tuple[Array, Array]] = []
         self._posterior = None
         self._filter.run(stretch, self.constants, rows)
-        mean = self.posterior().mean
-        change = self._told_change(mean)
+        change = self._told_change(self.posterior().mean)
         self._beyond += sum(_beyond(values - columns @ change) for columns, values in rows)
-        share = self.model.joint_share(stretch.kinematics, mean)
-        self._joint_share = max(self._joint_share, share)
+        self._joint_share = max(self._joint_share, self._move_on(stretch))
         return stretch
 
     def posterior(self) -> MomentumPosterior:
@@ -231,6 +226,22 @@ class MaximumLikelihood:
 
     def _told_change(self, constants: Array) -> Array:
         return self.model.filtered(constants) - self.model.filtered(self.constants)
+
+    def _move_on(self, stretch: Stretch) -> float:
+        """Go on about the best constants where nothing that was told depends on that.
+
+        Where momentum is not linear in what is told, stretches about different ones would
+        disagree, and what no motion tells would seem told (Huang, Mourikis and Roumeliotis, IJRR
+        29 (2010) 502).
+
+        Returns:
+            Largest momentum that the joints' motion alone had [N m s].
+        """
+        mean = self.posterior().mean
+        if self.model.is_minimal:
+            self._filter.shift_constants(self._told_change(mean))
+            self.constants = mean
+        return self.model.joint_share(stretch.kinematics, mean)
 
     def _shift_asked(self) -> float:
         """Largest shift of the constants, in standard deviations."""

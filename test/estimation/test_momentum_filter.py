@@ -226,6 +226,20 @@ def test_parts_of_a_stretch_equal_one_run(at_once, monkeypatch):
     assert rows == list(range(len(stretch.deviations)))
 
 
+def test_shift_of_the_constants_changes_no_prediction():
+    problem = Problem()
+    engine = problem.filter()
+    run(engine, problem.part(0, N))
+    before, covariance = engine.information.solve()
+    state = state_of(engine, before)
+    change = np.array([0.3, -2.0, 5.0])
+    engine.shift_constants(change)
+    after, same = engine.information.solve()
+    np.testing.assert_allclose(after, before - change, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(same, covariance, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(state_of(engine, after), state, rtol=0, atol=1e-12)
+
+
 def test_attitude_error_is_taken_once():
     problem = Problem()
     engine = problem.filter()

@@ -207,6 +207,12 @@ class MomentumFilter:
         )
         return time, rotation * correction
 
+    def shift_constants(self, change: Array) -> None:
+        """Count the constants' errors from a new origin: t -> t - change."""
+        factor = self.information.factor
+        factor[:, -1] -= factor[:, :-1] @ change
+        self._mean[:, 0] += self._mean[:, 1:] @ change
+
 
 def state_space(stretch: Stretch, part: Part, rate: RateErrorModel) -> tuple[StateSpace, Array]:
     """The model of the deviations, and what the joints' quartic misses of the reference.

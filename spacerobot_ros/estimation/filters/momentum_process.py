@@ -101,6 +101,11 @@ class MomentumModel:
         self.filter_size = self.filter_bodies.stop + self.nuisances.size
         self.filter_other = slice(self.filter_bodies.stop, self.filter_size)
 
+    @property
+    def is_minimal(self) -> bool:
+        """Whether the filter tells minimal parameters, in which momentum is linear."""
+        return self._minimal is not None
+
     def filtered(self, constants: Array) -> Array:
         """(g,) the filter's constants for constants (p,)."""
         bodies = self.told_of(constants[self.y])
