@@ -29,7 +29,7 @@ def information_root(
     constants: Array | None = None,
     holds: Holds | None = None,
 ) -> Array:
-    """(g, p) square root of the Fisher information of [h_W; AAM; y; nuisances].
+    """(p, p) triangular square root of the Fisher information of [h_W; AAM; y; nuisances].
 
     Args:
         model: What is identified.
@@ -51,4 +51,5 @@ def information_root(
     first, bodies, others = np.split(
         factor, [model.filter_bodies.start, model.filter_bodies.stop], axis=1
     )
-    return np.hstack([first, bodies @ model.told_slopes(constants[model.y]), others])
+    rows = np.hstack([first, bodies @ model.told_slopes(constants[model.y]), others])
+    return np.linalg.qr(np.pad(rows, ((0, model.size), (0, 0))), mode='r')

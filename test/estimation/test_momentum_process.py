@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from support.identification import carried, inertia_of, servicer
 from support.models import DUAL_ARM, random_tree, robot_of, table_one
 
+from spacerobot_ros.estimation.filters import momentum_process
 from spacerobot_ros.estimation.filters.momentum_process import MomentumModel
 from spacerobot_ros.estimation.trajectory.reference import Kinematics
 
@@ -140,14 +141,19 @@ def test_constants_enter_exactly_linearly(case, rng):
     change[model.y] = 0.0
     linear = model.linearize(reference, constants)
     moved = model.linearize(reference, constants + change)
+    change = model.filtered(constants + change) - model.filtered(constants)
     got = linear.offset + linear.constants @ change
     np.testing.assert_allclose(got, moved.offset, rtol=0, atol=1e-10 * np.max(np.abs(got)))
 
 
-def test_slope_by_the_bodies(case):
+@pytest.mark.parametrize('most', [0, 8], ids=['inertial', 'minimal'])
+def test_slope_by_the_bodies(case, most, monkeypatch):
     _, model, constants, _ = case
-    exact = exact_motion(case)
-    got = model.linearize(exact, constants).constants[..., model.y]
+    monkeypatch.setattr(momentum_process, '_MOST_MINIMAL', most)
+    model, exact = MomentumModel(model.robot, model.structure), exact_motion(case)
+    assert model.is_minimal == bool(most)
+    told = model.linearize(exact, constants).constants[..., model.filter_bodies]
+    got = told @ model.told_slopes(constants[model.y])
     for i, step in enumerate(STEP * np.eye(model.size)[model.y]):
         ahead, behind = (model.linearize(exact, constants + s * step).offset for s in (1.0, -1.0))
         want = (ahead - behind) / (2.0 * STEP)
