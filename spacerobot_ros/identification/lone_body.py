@@ -24,7 +24,7 @@ from ..model.robot import Robot
 from ..recording.record import Record
 from ..types import Array
 from .estimate import Estimate
-from .summary import Identification
+from .summary import Identification, unexplained
 from .validity_limits import LARGEST_CHI2, WEAKLY_KNOWN
 
 _RATIOS = ('Jyy/Jxx', 'Jzz/Jxx', 'Jxy/Jxx', 'Jxz/Jxx', 'Jyz/Jxx')
@@ -47,17 +47,15 @@ def identify_lone_body(record: Record, robot: Robot, believed: Sequence[Effect])
     base = robot.base_link
     start = InertialParameters(name='body', where=base, values=InertialParameters.nominal())
     fit = refine(Run(record, robot, believed, noise), [start])
-    found = fit.rows.robot
-    sizes = np.array([p.size for _, p in fit.free])
+    found, free = fit.rows.robot, [p for _, p in fit.free]
+    sizes, (known, *_) = np.array([p.size for p in free]), fit.standard_deviations()
     slopes = _slopes(fit, _STEP * sizes)
-    stds = np.array([fit.standard_deviations()[0][p.name] for _, p in fit.free])
-    weak = stds * WEAKLY_KNOWN > sizes
-    unexcited = tuple(p.name for (_, p), is_weak in zip(fit.free, weak, strict=True) if is_weak)
+    stds = np.array([known[p.name] for p in free])
+    unexcited = tuple(p.name for p in free if known[p.name] * WEAKLY_KNOWN > p.size)
     chi2 = float(fit.data @ fit.data) / max(len(fit.data) - len(fit.free), 1)
     reason = f'{len(unexcited)} of {len(stds)} directions are not excited yet' * bool(unexcited)
     if chi2 > LARGEST_CHI2:
-        why = 'the model does not explain the data: chi-square per degree of freedom'
-        reason = f'{why} {chi2:.3g}'
+        reason = unexplained(chi2)
     moments, axes = np.linalg.eigh(found.bodies[0].inertia)
     estimate = Estimate(
         method='ml',
@@ -68,7 +66,7 @@ def identify_lone_body(record: Record, robot: Robot, believed: Sequence[Effect])
         parameter_names=_RATIOS,
         parameters=_ratios(found),
         covariance=slopes @ fit.covariance() @ slopes.T,
-        rank=max(0, len(_RATIOS) - int(np.sum(weak))),
+        rank=max(0, len(_RATIOS) - len(unexcited)),
         condition=float(np.linalg.cond(fit.tangents * sizes)),
         unexcited=unexcited,
         total_momentum=np.full(3, np.nan),

@@ -52,12 +52,8 @@ class Outliers(NamedTuple):
     ) -> Counter[str]:
         """Their number by sensor, of a record's samples after a time and until another [s]."""
         times = (record.joint_time, record.rate_time, record.attitude_time)
-        return Counter(
-            {
-                sensor: int(np.sum(bad & (time > after) & (time <= until)))
-                for sensor, time, bad in zip(self._fields, times, self, strict=True)
-            }
-        )
+        counts = [np.sum(b & (t > after) & (t <= until)) for b, t in zip(self, times, strict=True)]
+        return Counter(dict(zip(self._fields, map(int, counts), strict=True)))
 
 
 def without_outliers(record: Record, noise: NoiseLevels) -> tuple[Record, Outliers]:
@@ -82,12 +78,9 @@ def without_outliers(record: Record, noise: NoiseLevels) -> tuple[Record, Outlie
 def screened(record: Record, noise: NoiseLevels) -> tuple[Record, tuple[str, ...]]:
     """`without_outliers` of a whole recording, and what its notes say of that."""
     kept, found = without_outliers(record, noise)
-    parts = [
-        counted(n, f'sample of {s}', f'samples of {s}')
-        for s, n in (+found.counted(record)).items()
-    ]
-    note = f'left out, as they contradict their neighbours: {", ".join(parts)}'
-    return kept, (note,) if parts else ()
+    counts = (+found.counted(record)).items()
+    parts = ', '.join(counted(n, f'sample of {s}', f'samples of {s}') for s, n in counts)
+    return kept, (f'left out, as they contradict their neighbours: {parts}',) if parts else ()
 
 
 def _outlying_joints(record: Record, noise: NoiseLevels) -> np.ndarray:
@@ -159,7 +152,6 @@ def _lone(time: Array, values: Array, std: float) -> np.ndarray:
     if len(time) < 2 * len(STENCILS):
         return np.zeros(len(time), dtype=bool)
     suspected = np.any(_far(off_neighbours(time, values, values)[0], std), axis=1)
-    found = suspected
     for _ in range(_PASSES):
         good = bridged(time, values, suspected)  # bad neighbours would disagree with each other
         errors, still_open = off_neighbours(time, values, good)
@@ -182,10 +174,8 @@ def _off_median(time: Array, drift: Array, std: float) -> np.ndarray:
     level = drift - slope * (time - time[0])[:, None]
     width = 2 * min(_HALF_WINDOW, (len(time) - 1) // 2) + 1
     # column by column SciPy takes a tenth of the time
-    usual = [
-        scipy.ndimage.median_filter(column, width, mode='reflect')
-        for column in np.nan_to_num(level).T
-    ]
+    median = scipy.ndimage.median_filter
+    usual = [median(column, width, mode='reflect') for column in np.nan_to_num(level).T]
     errors = level - np.column_stack(usual)
     far, jumps = _far(errors, std), _far(np.diff(level, axis=0), std)
     return np.any([_burst(*each) for each in zip(far.T, jumps.T, strict=True)], axis=0)
