@@ -30,7 +30,7 @@ from .estimate import Estimate
 from .summary import Source, too_weak, unexplained
 from .validity_limits import LARGEST_CHI2, WEAKLY_KNOWN
 
-_STEP = 1e-5  # rad, for derivatives by joint positions
+_STEP = 1e-5  # rad, rad/s; for derivatives by what is measured
 
 
 def sampled_motion(record: Record) -> Kinematics:
@@ -148,22 +148,17 @@ def _chi2(
 ) -> float:
     """Sum of squares of the missing momentum, weighted by what noise makes of it."""
 
-    def missing(q: Array) -> Array:
-        columns = momentum_columns(robot, minimal, replace(motion, q=q))
+    def missing(**changed: Array) -> Array:
+        columns = momentum_columns(robot, minimal, replace(motion, **changed))
         return np.asarray(columns @ constants - robot.servicer_wheels.body_momentum)
 
-    n, x = motion.q.shape[1], constants[len(constants) - len(minimal) :]
-    u = np.hstack([motion.omega, motion.qd])
-    M = minimal.tree.equation(motion.q, u, minimal.matrix(x), np.zeros((n + 1, 3)))[..., :-1]
-    total = motion.rotation.inv().apply(constants[:3])
-    steps = _STEP * np.eye(n)
-    by_q = [(missing(motion.q + s) - missing(motion.q - s)) / (2.0 * _STEP) for s in steps]
-    parts = [
-        noise.gyro * M[:, :3, :3],
-        noise.joint_velocity * M[:, :3, 3:],
-        noise.joint_position * np.stack(by_q, axis=2),
-        noise.attitude * skew(total),
-    ]
+    levels = {'omega': noise.gyro, 'qd': noise.joint_velocity, 'q': noise.joint_position}
+    parts = [noise.attitude * skew(motion.rotation.inv().apply(constants[:3]))]
+    for name, std in levels.items():
+        values = getattr(motion, name)
+        steps = _STEP * np.eye(values.shape[1])
+        changes = [missing(**{name: values + s}) - missing(**{name: values - s}) for s in steps]
+        parts.append(std / (2.0 * _STEP) * np.stack(changes, axis=2))
     covariance = sum(part @ np.swapaxes(part, 1, 2) for part in parts)
-    left = missing(motion.q)
+    left = missing()
     return float(np.sum(left * np.linalg.solve(covariance, left[..., None])[..., 0]))
