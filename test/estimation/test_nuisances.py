@@ -103,7 +103,11 @@ def test_what_sensors_misread(robot, at):
 def test_what_is_added_to_the_momentum(robot, at):
     nuisances = Nuisances(ALL[5:], robot)
     torque, target, servicer = np.array([1e-3, -2e-3, 5e-3]), 1e-3, 2e-3
-    total, columns = nuisances.imbalance(np.array([*torque, target, servicer]), at, AAM)
+    values = np.array([*torque, target, servicer])
+    total, columns, by_aam = nuisances.imbalance(values, at, AAM)
+    np.testing.assert_allclose(
+        by_aam @ AAM, total - nuisances.imbalance(values, at, 0.0 * AAM)[0], rtol=0, atol=1e-12
+    )
     t = at.time[:, None]
     wheel = robot.target_wheels[0]
     zero = Nuisances((), robot)._motion(at, AAM).base_rotation('link_3') @ wheel.rotation @ AAM

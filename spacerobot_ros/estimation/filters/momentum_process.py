@@ -181,8 +181,11 @@ class MomentumModel:
         missing, by_momenta = self._by_momenta(reference, moving, constants)
         columns = np.zeros((len(missing), 3, self.filter_size))
         columns[..., : self.y.start] = by_momenta
-        added, by_aam = self._imbalance(reference, constants, columns)
-        missing += added + by_aam @ constants[self.aam]
+        if self.nuisances.acts_on_momentum:
+            values = constants[self.other], reference, constants[self.aam]
+            added, columns[..., self.filter_other], by_aam = self.nuisances.imbalance(*values)
+            missing += added
+            columns[..., self.aam] += by_aam
         inverse = np.linalg.inv(moving.inertia[:, :, :3])
         offset = np.einsum('nab,nb->na', inverse, missing)
         if is_near:
@@ -192,7 +195,6 @@ class MomentumModel:
             columns[..., self.filter_bodies] = -moving.by_bodies[..., self._inertial]
         else:
             columns[..., self.filter_bodies] = -minimal_regressor(self._minimal, reference)
-        columns[..., self.aam] += by_aam
         external = np.flatnonzero(self.nuisances.is_external)
         by_external = columns[..., self.filter_other.start + external]
         total = columns[..., :3] @ constants[:3]
@@ -231,28 +233,6 @@ class MomentumModel:
         by_rows = moving.by_bodies.reshape(-1, len(slopes), 10)
         by_coordinates = np.moveaxis(np.moveaxis(by_rows, 1, 0) @ slopes, 0, 1)
         return by_coordinates[:, self.bodies.free].reshape(len(moving.momentum), 3, -1)
-
-    def _imbalance(
-        self, reference: Kinematics, constants: Array, columns: Array
-    ) -> tuple[Array, Array]:
-        """What nuisances add to the balance beside the wheels, and by the wheels' momentum.
-
-        Sets the nuisances' own `columns`. What effects take of the wheels' momentum is linear in
-        it: unit momenta tell it.
-
-        Returns:
-            (N, 3) and (N, 3, 3 n_links).
-        """
-        nuisances, values = self.nuisances, constants[self.other]
-        by_aam = np.zeros((len(columns), 3, self.n_aam))
-        if not nuisances.acts_on_momentum:
-            return np.zeros((len(columns), 3)), by_aam
-        aam = constants[self.aam]
-        columns[..., self.filter_other] = nuisances.imbalance(values, reference, aam)[1]
-        rest = nuisances.imbalance(values, reference, np.zeros(self.n_aam))[0]
-        for i, unit in enumerate(np.eye(self.n_aam)):
-            by_aam[..., i] = nuisances.imbalance(values, reference, unit)[0] - rest
-        return rest, by_aam
 
     def _turned_wheels(self, moving: AngularMomentum, columns: Array, constants: Array) -> Array:
         """(N, 3, n) derivative of the captured wheels' momentum by the joint positions."""

@@ -143,8 +143,10 @@ class Nuisances:
             columns[..., self.torque_hold] = -held
         return total, columns
 
-    def imbalance(self, values: Array, at: Kinematics, aam: Array) -> tuple[Array, Array]:
+    def imbalance(self, values: Array, at: Kinematics, aam: Array) -> tuple[Array, Array, Array]:
         """What the effects add to R^T h_W - sum R_b h_b - Y x - h0, in the base frame.
+
+        It is linear in the captured wheels' momentum, of which effects take a share.
 
         Args:
             values: (m,) of the nuisances.
@@ -152,14 +154,22 @@ class Nuisances:
             aam: (3 n_links,) momentum of the captured wheels [N m s].
 
         Returns:
-            (N, 3), and (N, 3, m) its derivatives.
+            (N, 3), and its derivatives (N, 3, m) by the nuisances and (N, 3, 3 n_links) by the
+            momentum.
         """
-        motion, nothing = self._motion(at, aam), np.zeros_like(at.omega)
+        nothing = np.zeros_like(at.omega)
 
-        def added(effects: Iterable[Effect]) -> Array:
-            return sum((_added_momentum(effect, motion) for effect in effects), nothing)
+        def added(momentum: Array) -> tuple[Array, Array]:
+            motion = self._motion(at, momentum)
 
-        return self._act(('force', 'momentum'), added, values, nothing)
+            def all_of(effects: Iterable[Effect]) -> Array:
+                return sum((_added_momentum(effect, motion) for effect in effects), nothing)
+
+            return self._act(('force', 'momentum'), all_of, values, nothing)
+
+        rest, _ = added(np.zeros_like(aam))
+        by_aam = [added(unit)[0] - rest for unit in np.eye(len(aam))]
+        return *added(aam), np.reshape(np.moveaxis(by_aam, 0, -1), (*nothing.shape, len(aam)))
 
     def _act(
         self,
