@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -68,8 +69,7 @@ class Advice:
     factor: float
 
 
-@dataclass(frozen=True, slots=True)
-class _Probe:
+class _Probe(NamedTuple):
     """Joints that swing, the base axis that turns (0 to 2), and whether the own wheels spin up."""
 
     joints: tuple[int, ...] = ()
@@ -81,18 +81,13 @@ class _Probe:
         return len(self.joints) + 2 * (self.turn is not None) + 2 * self.spins
 
 
-@dataclass(frozen=True, slots=True)
-class _Tried:
-    """A probe with the amplitudes that the limits leave, and (n_aam,) deviations after it."""
+class _Tried(NamedTuple):
+    """A probe as large as the limits leave it; `worst` is the AAM's largest deviation after it."""
 
     probe: _Probe
     words: str
-    std: Array
+    worst: float
     better: int
-
-    @property
-    def worst(self) -> float:
-        return float(np.max(self.std))
 
 
 def advise_on(record: Record, found: Identification, settings: Settings) -> tuple[Advice, ...]:
@@ -203,19 +198,17 @@ class _Range:
 
     def _try(self, probes: Iterable[_Probe]) -> list[_Tried]:
         n, now, out = self._model.n_aam, np.sqrt(np.diag(self._covariance)), []
-        for played in filter(None, map(self._play, probes)):
-            probe, words, motion = played
+        for probe, words, motion in filter(None, map(self._play, probes)):
             std = self._after(motion)
-            better = int(np.sum(2.0 * std[n:] < now[n:]))
-            out.append(_Tried(probe, words, std[:n] * self._information.prior_std[:n], better))
+            worst = float(np.max(std[:n] * self._information.prior_std[:n]))
+            out.append(_Tried(probe, words, worst, int(np.sum(2.0 * std[n:] < now[n:]))))
         return out
 
     def _after(self, motion: BaseMotion) -> Array:
         """(m,) deviations of [AAM; y] after a motion, in those of the prior."""
-        gained = (
-            np.eye(len(self._covariance)) + self._covariance @ self._information.fisher(motion)[0]
-        )
-        return np.sqrt(np.maximum(np.diag(np.linalg.solve(gained, self._covariance)), 0.0))
+        now, told = self._covariance, self._information.fisher(motion)[0]
+        after = np.linalg.solve(np.eye(len(now)) + now @ told, now)
+        return np.sqrt(np.maximum(np.diag(after), 0.0))
 
     def _play(self, probe: _Probe) -> tuple[_Probe, str, BaseMotion] | None:
         """The motion, as large as the limits allow, in words; None where they leave nothing."""
