@@ -117,8 +117,8 @@ class Problem(Motions):
         """(B,) to be minimized; of `information` the mean of bits, wheels and whole alike."""
         criterion = self.settings.excitation.criterion
         if criterion == 'information':
-            bits, n = self.information.bits(motion), self.model.n_aam
-            return -bits.whole / len(self.information.prior_std) - bits.aam / max(n, 1)
+            whole, aam = self.information.bits(motion)
+            return -whole / len(self.information.prior_std) - aam / max(self.model.n_aam, 1)
         raw, unit = condition_numbers(self.model, motion)
         return np.log2(raw if criterion == 'condition' else unit)
 

@@ -23,8 +23,6 @@ Symbols: B candidates, T times, m unknowns [AAM; y].
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ..dynamics.rotation import skew
@@ -52,18 +50,6 @@ def with_typical(sensors: SensorSettings) -> tuple[NoiseLevels, tuple[str, ...]]
     levels = NoiseLevels(**{name: sensors.std(name) or std for name, std in _TYPICAL.items()})
     missing = (name for name in _TYPICAL if sensors.std(name) is None and name != 'joint_effort')
     return levels, tuple(f'{name}_std' for name in missing)
-
-
-class Bits(NamedTuple):
-    """What B candidates tell.
-
-    Attributes:
-        whole: (B,) bits of [AAM; y].
-        aam: (B,) bits of the AAM, whatever the bodies.
-    """
-
-    whole: Array
-    aam: Array
 
 
 class Information:
@@ -99,12 +85,12 @@ class Information:
         is_bias = np.array([name.startswith(_BIAS) for name in model.nuisances.names], dtype=bool)
         self._bias_std = model.nuisances.prior()[1][is_bias]
 
-    def bits(self, motion: BaseMotion) -> Bits:
-        """What each candidate's measurement tells."""
+    def bits(self, motion: BaseMotion) -> tuple[Array, Array]:
+        """(B,) bits that each candidate's measurement tells: of [AAM; y], and of the AAM alone."""
         n = self._model.n_aam
         gained = np.eye(len(self.prior_std)) + self.fisher(motion)
         whole, bodies = (0.5 * _log2_det(each) for each in (gained, gained[:, n:, n:]))
-        return Bits(whole, whole - bodies)
+        return whole, whole - bodies
 
     def fisher(self, motion: BaseMotion) -> Array:
         """(B, m, m) information of [AAM; y] in units of the prior's std."""

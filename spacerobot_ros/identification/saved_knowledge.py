@@ -112,5 +112,7 @@ def _less_sure(known: Known, lost: Array) -> Known:
 
 def _fingerprint(model: MomentumModel) -> str:
     bodies = np.array2string(model.bodies.std, threshold=10_000, precision=6)
-    names = (model.structure, *(g.link for g in model.robot.target_wheels), bodies)
+    names = [model.structure, *(g.link for g in model.robot.target_wheels), bodies]
+    if not model.is_minimal:  # earlier versions told coordinates, as many, of such a robot
+        names.append('inertial parameters')
     return digest('\n'.join((model.robot.urdf, *model.robot.joints, *names)))
