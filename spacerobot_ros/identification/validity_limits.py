@@ -41,8 +41,8 @@ CONTRACTION = 3.0
 the servicer shares were 0.002 to 0.04 at first and fell later, in one they rose threefold."""
 
 MOST_PASSES = 20
-"""Passes of the iteration; flights of two to seven joints settle in two to four where the file is
-right, in five to twelve where bodies are off by a third."""
+"""Passes of the iteration; flights of two to seven joints settle in two also where bodies are off
+by a third, arms of nine and fourteen then in five to nine."""
 
 MOVED = 1.0
 """Shift of the constants since the last run through the buffer, in its standard deviations, that
