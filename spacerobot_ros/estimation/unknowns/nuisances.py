@@ -168,8 +168,9 @@ class Nuisances:
             return self._act(('force', 'momentum'), all_of, values, nothing)
 
         rest, _ = added(np.zeros_like(aam))
-        by_aam = [added(unit)[0] - rest for unit in np.eye(len(aam))]
-        return *added(aam), np.reshape(np.moveaxis(by_aam, 0, -1), (*nothing.shape, len(aam)))
+        by_aam = np.array([added(unit)[0] - rest for unit in np.eye(len(aam))])
+        by_aam = by_aam.reshape(len(aam), *nothing.shape)
+        return *added(aam), np.moveaxis(by_aam, 0, -1)
 
     def _act(
         self,
