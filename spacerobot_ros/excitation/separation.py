@@ -27,7 +27,6 @@ from ..effects.robot_file import RobotFile
 from ..errors import ConfigurationError
 from ..estimation.columns import Signatures, candidate_at
 from ..estimation.fit import Fit
-from ..estimation.inference.evidence import Gram
 from ..estimation.runs import Run
 from ..estimation.trajectory.base_response import noise_free_record
 from ..identification.information import with_typical

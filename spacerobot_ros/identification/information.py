@@ -27,7 +27,6 @@ import numpy as np
 
 from ..dynamics.rotation import skew
 from ..estimation.filters.momentum_process import MomentumModel
-from ..estimation.inference.evidence import Gram
 from ..estimation.trajectory.base_response import BaseMotion
 from ..estimation.trajectory.reference import NoiseLevels
 from ..inference.gram import Gram
