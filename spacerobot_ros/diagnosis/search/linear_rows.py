@@ -13,8 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...effects.bodies.bodies import NAMES as INERTIAL
+from ...effects.bodies.bodies import InertialParameters
 from ...effects.effect import Effect, Key
 from ...effects.parameter import Parameter
+from ...effects.prior import Scale
+from ...estimation.balance.arm_priors import body_scale
 from ...estimation.columns import Candidate, candidates
 from ...estimation.fit import Fit
 from ...estimation.inference.constrained import PhysicalBody
@@ -171,7 +174,9 @@ class LinearRows:
         return Hypothesis(
             key=Variant(*cause.key, -1),
             columns=own,
-            slab=np.array([spread_of(p) for p in parameters]),
+            slab=self._slab(
+                cause.id, cause.where, parameters, np.array([spread_of(p) for p in parameters])
+            ),
             spike=np.zeros(len(own)),
             lower=np.minimum(lower, 0.0),
             upper=np.maximum(upper, 0.0),
@@ -184,7 +189,7 @@ class LinearRows:
         return Hypothesis(
             key=Variant(*c.key, k),
             columns=len(self.fit.free) + self.columns.places[k],
-            slab=c.sizes,
+            slab=self._slab(c.kind.id, c.where, c.parameters, c.sizes),
             spike=np.zeros(len(c.sizes)),
             log_odds=log_odds,
             lower=np.minimum(c.lower, 0.0),
@@ -205,6 +210,19 @@ class LinearRows:
         file = robot.inertial_parameters[names.index(str(where))]
         body = PhysicalBody(np.arange(len(which)), file, which)
         return body if body.is_body else None
+
+    def _slab(
+        self, effect: str, where: str | None, parameters: Sequence[Parameter], sizes: Array
+    ) -> Array:
+        """Plausible sizes; of inertial parameters those of a solid put there or lost."""
+        if effect != 'inertial_parameters' or not self.fit.run.robot.joints:
+            return sizes
+        scale = Scale(sizes=sizes, interval=0.0, gravity=np.zeros(3))
+        robot = self.fit.run.robot
+        k = [body.name for body in robot.bodies].index(str(where))
+        prior = InertialParameters.prior(replace(scale, body=body_scale(robot, k)))
+        which = [INERTIAL.index(p.name) for p in parameters]
+        return sizes if prior is None else prior.slab[np.ix_(which, which)]
 
     def alone(self) -> list[tuple[float, Effect]]:
         """Candidates that each by itself add to the fit: log evidence and values, most first."""

@@ -101,17 +101,6 @@ class Machine:
         every = np.concatenate([np.zeros((1, n)), *poses])
         return np.max([np.diag(dynamics.mass_matrix(q))[-n:] for q in every], axis=0)
 
-    @cached_property
-    def mass(self) -> float:
-        """Of all that moves [kg]."""
-        return float(np.sum(self.robot.inertial_parameters[1:, 0]))
-
-    @cached_property
-    def length(self) -> float:
-        """Longest distance from one joint to the next [m]."""
-        offsets = [float(np.linalg.norm(b.translation)) for b in self.robot.bodies[1:]]
-        return max(*offsets, 1e-3)
-
     def prior(self, candidate: Candidate) -> Prior | None:
         """Of its coefficients.
 
@@ -136,7 +125,7 @@ class Machine:
             sizes=candidate.sizes, interval=self.interval, gravity=np.array(robot.gravity)
         )
         if issubclass(candidate.kind, MovingBodyEffect):
-            return replace(common, body=self._body(names.index(str(where))))
+            return replace(common, body=body_scale(self.robot, names.index(str(where))))
         if where not in robot.joints:
             return common
         j = robot.joints.index(str(where))
@@ -166,19 +155,6 @@ class Machine:
         """Of a joint, in the file: the first number of this law and of those that refine it."""
         return friction_of(self.balances[0].effects, kind, where)
 
-    def _body(self, k: int) -> BodyScale:
-        robot = self.robot
-        is_last = robot.bodies[k].name in robot.last_links
-        is_load = is_last and k not in robot.uncertain_bodies  # it is there or not
-        return BodyScale(
-            row=robot.inertial_parameters[k],
-            uncertainty=None if is_load else robot.uncertainty_of(k),
-            whole=self.mass,
-            length=self.length,
-            is_last=is_last,
-            is_lone=robot.n_joints == 1,
-        )
-
     def _rms(self, every: Sequence[Array], state: str = '') -> Array:
         """(n,) of (N, n) values of every recording where joints move, motors on or off."""
         total, count = np.zeros(self.robot.n_joints), np.zeros(self.robot.n_joints)
@@ -206,3 +182,18 @@ def torque_tolerance(robot: Robot) -> Array:
     is_sensor = [kinds.get(joint) == LINK_SIDE for joint in robot.joints]
     known = np.where(is_sensor, _SENSOR_TOLERANCE, _GAIN_TOLERANCE)
     return np.where(np.isin(robot.joints, robot.passive_joints), 0.0, known)
+
+
+def body_scale(robot: Robot, k: int) -> BodyScale:
+    """Magnitudes of a robot's body number k."""
+    is_last = robot.bodies[k].name in robot.last_links
+    is_load = is_last and k not in robot.uncertain_bodies  # it is there or not
+    steps = [float(np.linalg.norm(b.translation)) for b in robot.bodies[1:]]
+    return BodyScale(
+        row=robot.inertial_parameters[k],
+        uncertainty=None if is_load else robot.uncertainty_of(k),
+        whole=float(np.sum(robot.inertial_parameters[1:, 0])),
+        length=max(*steps, 1e-3),
+        is_last=is_last,
+        is_lone=robot.n_joints == 1,
+    )
