@@ -91,9 +91,10 @@ def test_a_link_is_uncertain_and_a_load_is_there_or_not():
     prior = CATALOGUE['inertial_parameters'].prior
     body = prior(replace(JOINT, sizes=np.ones(10), body=LINK))
     assert np.sqrt(body.spike[0, 0]) == pytest.approx(USUAL.mass * ROW[0])
-    assert np.sqrt(body.slab[0, 0]) == pytest.approx(0.5 * ROW[0])
+    # half of it put there or lost, and all of it heavier or lighter by half
+    assert body.slab[0, 0] == pytest.approx(2.0 * (0.5 * ROW[0]) ** 2)
     last = replace(LINK, is_last=True, uncertainty=None)
     load = prior(replace(JOINT, sizes=np.ones(10), body=last))
     assert not load.spike.any()
-    assert np.sqrt(load.slab[0, 0]) == pytest.approx(0.1 * 20.0)
+    assert load.slab[0, 0] == pytest.approx((0.1 * 20.0) ** 2 + (0.5 * ROW[0]) ** 2)
     assert np.all(np.linalg.eigvalsh(load.slab) > 0.0)
