@@ -151,10 +151,10 @@ def swapped_joints(
         order = np.arange(model.n)
         order[list(pair)] = pair[::-1]
         exchanged = replace(sparse, q=sparse.q[:, order], qd=sparse.qd[:, order])
-        misfits[_momentum_misfit(model, exchanged)] = pair
-    least = min(misfits, default=np.inf)
-    if least < EXCHANGED_MISFIT * _momentum_misfit(model, sparse):
-        a, b = (joints[k] for k in misfits[least])
+        misfits[pair] = _momentum_misfit(model, exchanged)
+    least = min(misfits, key=misfits.__getitem__, default=None)
+    if least and misfits[least] < EXCHANGED_MISFIT * _momentum_misfit(model, sparse):
+        a, b = (joints[k] for k in least)
         return (f'the columns of {a} and {b} seem to be swapped',)
     return ()
 
