@@ -5,7 +5,8 @@ Joint columns that are swapped in positions and rates alike are found by what br
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import heapq
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import combinations
 
@@ -106,10 +107,9 @@ def _recursive(record: Record, robot: Robot, settings: IdentifierSettings) -> Id
         (identifier.add_rate, (rates.stamp_ns, rates.omega)),
         (identifier.add_attitude, (attitudes.stamp_ns, attitudes.q_xyzw)),
     )
-    samples = [(int(ns), add, own) for add, each in series for ns, *own in zip(*each, strict=True)]
-    samples.sort(key=lambda sample: sample[0])
     period_ns = round(settings.solve_period * 1e9)
-    until = samples[0][0] + period_ns
+    until = min(int(stamps[0]) for _, (stamps, *_) in series) + period_ns
+    samples = heapq.merge(*(_fed(*own) for own in series), key=lambda sample: sample[0])
     for stamp_ns, add, own in samples:
         while stamp_ns > until:
             identifier.solve()
@@ -141,6 +141,14 @@ def refuse_incomplete(record: Record) -> None:
 _ROWS = 200  # times at which momentum is compared
 
 
+def _fed(
+    add: Callable[..., None], series: tuple[Array | IntArray, ...]
+) -> Iterator[tuple[int, Callable[..., None], list[Array]]]:
+    """Stamps [ns] of a sensor's samples, what takes them, and their values."""
+    for stamp_ns, *values in zip(*series, strict=True):
+        yield int(stamp_ns), add, values
+
+
 def swapped_joints(
     model: MomentumModel, reference: Kinematics, joints: tuple[str, ...]
 ) -> tuple[str, ...]:
@@ -151,10 +159,10 @@ def swapped_joints(
         order = np.arange(model.n)
         order[list(pair)] = pair[::-1]
         exchanged = replace(sparse, q=sparse.q[:, order], qd=sparse.qd[:, order])
-        misfits[_momentum_misfit(model, exchanged)] = pair
-    least = min(misfits, default=np.inf)
-    if least < EXCHANGED_MISFIT * _momentum_misfit(model, sparse):
-        a, b = (joints[k] for k in misfits[least])
+        misfits[pair] = _momentum_misfit(model, exchanged)
+    least = min(misfits, key=misfits.__getitem__, default=None)
+    if least and misfits[least] < EXCHANGED_MISFIT * _momentum_misfit(model, sparse):
+        a, b = (joints[k] for k in least)
         return (f'the columns of {a} and {b} seem to be swapped',)
     return ()
 

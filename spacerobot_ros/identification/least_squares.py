@@ -103,13 +103,13 @@ def solve_least_squares(
     chi2 = _chi2(robot, minimal, motion, constants, noise) / dof
     aam, std = constants[3 : 3 + n], np.sqrt(np.diag(covariance)[3 : 3 + n])
     limit = settings.valid_std * max(float(np.linalg.norm(aam)), 1e-9)
-    reasons = [
-        '; '.join(source.faults),
-        f'{len(weak)} of {len(names)} directions are not excited yet' * bool(weak),
-        too_weak(float(np.max(std, initial=0.0)), limit) * bool(np.any(std > limit)),
-        unexplained(chi2) * (chi2 > LARGEST_CHI2),
-    ]
-    reason = next(filter(None, reasons), '')
+    reason = '; '.join(source.faults)
+    if not reason and weak:
+        reason = f'{len(weak)} of {len(names)} directions are not excited yet'
+    if not reason and np.any(std > limit):
+        reason = too_weak(float(np.max(std)), limit)
+    if not reason and chi2 > LARGEST_CHI2:
+        reason = unexplained(chi2)
     return Estimate(
         method='ls',
         valid=not reason,

@@ -57,6 +57,10 @@ class _Unknown(NamedTuple):
     def is_inverse(self) -> bool:
         return self.parameter.role == 'reciprocal'
 
+    @property
+    def unit(self) -> str:
+        return f'1/{self.parameter.unit}' if self.is_inverse else self.parameter.unit
+
     def acts(self, *actions: str) -> bool:
         return self.kind is not None and any(self.kind.acts(action) for action in actions)
 
@@ -101,7 +105,7 @@ class Nuisances:
         self._unknowns = [unknown for kind in ids for unknown in _unknowns(kind, robot)]
         self.size = len(self._unknowns)
         self.names = tuple(unknown.name for unknown in self._unknowns)
-        self.units = tuple('1/' * u.is_inverse + u.parameter.unit for u in self._unknowns)
+        self.units = tuple(u.unit for u in self._unknowns)
         self.is_external = np.array(
             [u.kind is not None and u.kind.is_external for u in self._unknowns], dtype=bool
         )
