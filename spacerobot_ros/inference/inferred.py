@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Collection, Hashable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -94,7 +94,16 @@ class Inferred:
         return 'explained' if self.goodness.is_good and is_plausible else 'partly_explained'
 
 
-def infer(blocks: GramBlocks, every: Sequence[Hypothesis], most: float = math.inf) -> Inferred:
+Refusal = Callable[[Hypotheses, ChosenSet], Collection[int]]
+"""Numbers of causes of a set that something else than the rows' parts speaks against."""
+
+
+def infer(
+    blocks: GramBlocks,
+    every: Sequence[Hypothesis],
+    most: float = math.inf,
+    refused: Refusal = lambda hypotheses, found: (),
+) -> Inferred:
     """Find the causes that rows want and that predict their parts.
 
     What fails the validation is excluded, and the search goes on. It ends: each round excludes
@@ -104,6 +113,7 @@ def infer(blocks: GramBlocks, every: Sequence[Hypothesis], most: float = math.in
         blocks: The rows, in `CLUSTERS` blocks or more.
         every: The hypotheses.
         most: Causes that no other joins.
+        refused: Asked of each set that passes the validation; what it says is excluded, too.
 
     Raises:
         ValueError: rows and hypotheses do not fit each other, or there are too few blocks.
@@ -116,9 +126,10 @@ def infer(blocks: GramBlocks, every: Sequence[Hypothesis], most: float = math.in
         asked = sorted(found.chosen - hypotheses.always)
         gains = {i: held_out.gains(i) for i in asked}
         worst = weakest(gains)
-        if worst is not None:
-            barred.add(worst)
-            rest = found.chosen - hypotheses.dependents(found.chosen, [worst])
+        failing = refused(hypotheses, found) if worst is None else (worst,)
+        if failing:
+            barred |= set(failing)
+            rest = found.chosen - hypotheses.dependents(found.chosen, failing)
             found = best_set(hypotheses, rest, barred, most=most)
             continue
         others, better = _alternatives(hypotheses, found, asked, barred, most)

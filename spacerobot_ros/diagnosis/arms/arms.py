@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from typing import cast
@@ -17,10 +16,10 @@ from ...estimation.balance.arm_priors import DRY, is_kind_of
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.arm_rows_about import about_delay, about_loads
 from ...estimation.balance.motor_constants import first_constants, scaled_constant
-from ...inference.decisive import IMPLAUSIBLE
 from ...inference.gram_blocks import GramBlocks
+from ...inference.hypotheses import Hypotheses
 from ...inference.inferred import Inferred, infer
-from ...inference.model_search import best_set
+from ...inference.model_search import ChosenSet, best_set
 from ...model.robot import Robot
 from ...recording.record import Record
 from ...types import Array
@@ -30,7 +29,7 @@ from ..limits import CHANCE
 from .arm_found import WORSE, ArmFound, balances_of, refuse_rest, refuse_short
 from .arm_hypotheses import arm_hypotheses, blocks_of
 from .fitted_arm import DELAY, FittedArm
-from .spectral_level import unsupported
+from .spectral_level import SpectralRows
 
 _ROUNDS = 4
 _SETTLED = 1e-3  # of a motor constant, from round to round
@@ -145,14 +144,15 @@ def _found(
 def _inferred(rows: ArmRows, blocks: GramBlocks, levels: Sequence[Array]) -> Inferred:
     """What the rows say; torques that do not follow from the model at all have no gain."""
     every = arm_hypotheses(rows)
-    while True:
-        found = infer(blocks, every)
-        gains = (c for c in found.causes if rows.candidates[cast(int, c.key)].kind.id == GAIN)
-        barred = {c.key for c in gains if c.slabs > 0.999 * IMPLAUSIBLE}  # at its bound
-        barred = barred or unsupported(rows, levels, every, found.causes)
-        if not barred:
-            return found
-        every = [replace(h, log_odds=-math.inf) if h.key in barred else h for h in every]
+    spectral = SpectralRows(rows, levels, every)
+
+    def refused(hypotheses: Hypotheses, found: ChosenSet) -> set[int]:
+        mean = hypotheses.mean(found.marginal, found.chosen)
+        gains = (i for i in found.chosen if rows.candidates[i].kind.id == GAIN)
+        at_bound = {i for i in gains if mean[rows.places[i][0]] > 0.999 * every[i].most[0]}
+        return at_bound or spectral.unsupported(hypotheses, found)
+
+    return infer(blocks, every, refused=refused)
 
 
 def _chosen(rows: ArmRows, levels: Sequence[Array], barred: Collection[int]) -> FittedArm:

@@ -8,8 +8,9 @@ of its own. A cause has to be worth its prior odds so, too.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Hashable, Mapping, Sequence
-from typing import cast
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,7 +20,6 @@ from ...estimation.inference.spectral_terms import Level, SpectralTerms, cosines
 from ...inference.gram_blocks import NEVER_HELD_OUT, GramBlocks
 from ...inference.hypotheses import Hypotheses
 from ...inference.hypothesis import Hypothesis
-from ...inference.inferred import InferredCause
 from ...inference.model_search import ChosenSet
 from ...types import Array
 from ..limits import LINE
@@ -39,7 +39,11 @@ class SpectralRows:
     def __init__(
         self, rows: ArmRows, levels: Sequence[Array], every: Sequence[Hypothesis]
     ) -> None:
-        self._rows, self._every = rows, every
+        self._rows = rows
+        self._every = [  # lower odds are those of what a level that is presumed leaves
+            replace(h, log_odds=max(h.log_odds, 0.0)) if h.log_odds > -math.inf else h
+            for h in every
+        ]
         data, columns = [], []
         for joint, variances in zip(rows.joints, levels, strict=True):
             if len(joint.torque):
@@ -50,7 +54,30 @@ class SpectralRows:
         self._ends = tuple(np.cumsum([len(x) for x in data])[:-1].tolist())
         self._sizes = np.linalg.norm(self._columns, axis=0)
 
-    def margins(self, chosen: Collection[int], known: Mapping[int, float]) -> dict[int, float]:
+    def unsupported(self, family: Hypotheses, found: ChosenSet) -> set[int]:
+        """Causes that are not worth their prior odds, weakest first.
+
+        An offset is one term: the bin around it says nothing of it, and it is not asked.
+
+        Args:
+            family: The hypotheses at the level that the rows are whitened by.
+            found: A set of causes of these.
+        """
+        known = {i: found.objective - _without(family, found, i).objective for i in found.chosen}
+        chosen, gone = set(found.chosen), set[int]()
+        while asked := {i: known[i] for i in chosen if self._is_asked(i)}:
+            margins = self._margins(chosen, asked)
+            weakest = min(margins, key=margins.__getitem__)
+            if margins[weakest] > 0.0:
+                break
+            chosen.discard(weakest)
+            gone.add(weakest)
+        return gone
+
+    def _is_asked(self, i: int) -> bool:
+        return self._rows.candidates[i].kind.id not in ZEROS
+
+    def _margins(self, chosen: Collection[int], known: Mapping[int, float]) -> dict[int, float]:
         """By which causes are worth more than their prior odds, beside all others [nats].
 
         At the level that is left beside all; where that is another one than the rows are whitened
@@ -67,11 +94,11 @@ class SpectralRows:
         hypotheses = Hypotheses(blocks, self._every)
         beside, out = ChosenSet.of(hypotheses, chosen), {}
         for i in known:
-            gone = hypotheses.dependents(beside.chosen, [i])
-            rest, odds = beside.chosen - gone, hypotheses.prior(gone)
-            out[i] = beside.objective - ChosenSet.of(hypotheses, rest).objective
+            rest = _without(hypotheses, beside, i)
+            odds = hypotheses.prior(beside.chosen - rest.chosen)
+            out[i] = beside.objective - rest.objective
             if out[i] - odds <= LINE * (known[i] - odds):
-                without = self._level(rest, whole.scale)
+                without = self._level(rest.chosen, whole.scale)
                 out[i] = min(out[i], whole.likelihood - without.likelihood + odds)
         return out
 
@@ -83,24 +110,6 @@ class SpectralRows:
         return terms.level(np.zeros((len(prior), 0)), scale)
 
 
-def unsupported(
-    rows: ArmRows,
-    levels: Sequence[Array],
-    every: Sequence[Hypothesis],
-    causes: Sequence[InferredCause],
-) -> set[Hashable]:
-    """Causes that are not worth their name by the level in bins of frequency, weakest first.
-
-    An offset is one term: the bin around it says nothing of it, and it is not asked.
-    """
-    known = {cast(int, c.key): c.log_odds for c in causes}
-    chosen, gone = set(known), set[Hashable]()
-    spectral = SpectralRows(rows, levels, every)
-    while asked := {i: known[i] for i in chosen if rows.candidates[i].kind.id not in ZEROS}:
-        margins = spectral.margins(chosen, asked)
-        weakest = min(margins, key=margins.__getitem__)
-        if margins[weakest] > 0.0:
-            break
-        chosen.discard(weakest)
-        gone.add(weakest)
-    return gone
+def _without(hypotheses: Hypotheses, found: ChosenSet, i: int) -> ChosenSet:
+    """A set without a cause and what needs it."""
+    return ChosenSet.of(hypotheses, found.chosen - hypotheses.dependents(found.chosen, [i]))
