@@ -176,9 +176,9 @@ class MotorInertia(JointEffect):
 
     @classmethod
     def prior(cls, scale: Scale) -> Prior | None:
-        """By what the joint turns."""
+        """By what the joint turns; a URDF has no place for it, so that few files state it."""
         needed = scale.torque / scale.acceleration
-        return scale.alike(max(0.5 * scale.inertia, 0.3 * needed))
+        return scale.alike(max(0.5 * scale.inertia, 0.3 * needed), log_odds=1.0)
 
     def change(self, robot: Robot) -> Robot:
         """More inertia against the joint's own acceleration."""

@@ -104,10 +104,14 @@ class GravityError(Effect):
 
     @classmethod
     def prior(cls, scale: Scale) -> Prior | None:
-        """A tilt: its magnitude is known, and no scale of all masses."""
+        """A tilt: its magnitude is known, and no scale of all masses.
+
+        A base is set up once, with a level; zeros of encoders, which may look like its tilt, are
+        set joint by joint.
+        """
         size = max(float(np.linalg.norm(scale.gravity)), np.finfo(float).tiny)
         is_along = np.abs(scale.gravity) > _ALONG * size
-        return scale.alike(0.2 * np.where(is_along, NOTHING, 1.0))
+        return scale.alike(0.2 * np.where(is_along, NOTHING, 1.0), log_odds=-2.0)
 
     def change(self, robot: Robot) -> Robot:
         """Another gravity."""
