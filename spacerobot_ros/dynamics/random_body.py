@@ -17,10 +17,10 @@ _TINY = 1e-3  # smallest relative eigenvalue of a pseudo-inertia that sets a sca
 _RODS = 3.0  # whose second moments a random solid has: the fewest that fill space
 
 
-def random_solid(mass: float, centre: Array, spread: float, extent: float) -> Array:
+def random_solid(mass: float, centre: Array, spread: Array, extent: float) -> Array:
     r"""(10, 10) covariance of what a solid adds that is put somewhere, or lost there.
 
-        m ~ N(0, mass^2),  c ~ N(centre, spread^2 1),  S = extent^2 / n sum_n g g^T,  g ~ N(0, 1)
+        m ~ N(0, mass^2),  c ~ N(centre, spread),  S = extent^2 / n sum_n g g^T,  g ~ N(0, 1)
 
     By the fourth moments of u = [c - centre; 1], with B = E u u^T, e = [0; 1], Q = extent^2 on the
     axes:
@@ -31,11 +31,12 @@ def random_solid(mass: float, centre: Array, spread: float, extent: float) -> Ar
     Args:
         mass: Standard deviation of the mass [kg].
         centre: (3,) where it is put, in the link's frame [m].
-        spread: By which each axis of its centre is elsewhere [m].
+        spread: (3, 3) covariance of where it is put [m^2].
         extent: Radius of its second moments about each axis [m].
     """
-    axes, last = np.diag([1.0, 1.0, 1.0, 0.0]), np.diag([0.0, 0.0, 0.0, 1.0])
-    B, Q = spread**2 * axes + last, extent**2 * axes
+    last = np.diag([0.0, 0.0, 0.0, 1.0])
+    B, Q = last.copy(), extent**2 * (np.eye(4) - last)
+    B[:3, :3] = spread
     moments = _pairs(B, B, 1.0) - 2.0 * np.einsum('ij,kl->ijkl', last, last)
     moments += _pairs(Q, Q, 1.0 / _RODS)
     moments += np.einsum('ij,kl->ijkl', B, Q) + np.einsum('ij,kl->ijkl', Q, B)

@@ -96,13 +96,13 @@ class InertialParameters(MovingBodyEffect):
         centre = body.row[1:4] / mass
         gyration = math.sqrt(max(float(body.row[4] + body.row[6] + body.row[9]), 0.0) / mass)
         arm = max(float(np.linalg.norm(centre)), gyration, _SHORT * body.length)
-        heavy, spread = _WRONG * mass, arm / math.sqrt(3.0)
-        extent = spread
-        if body.is_lone:  # a place across is the zero of its encoder
-            spread = NOTHING * arm
-        elif body.is_last:
-            heavy, spread = max(_LOAD * body.whole, heavy), max(_REACH * body.length, spread)
-            extent = spread
+        heavy, extent = _WRONG * mass, arm / math.sqrt(3.0)
+        if body.is_last and not body.is_lone:
+            heavy, extent = max(_LOAD * body.whole, heavy), max(_REACH * body.length, extent)
+        spread = extent**2 * np.eye(3)
+        if body.is_lone:  # elsewhere than along its centre is the zero of its encoder
+            along = centre / max(float(np.linalg.norm(centre)), NOTHING * arm)
+            spread = extent**2 * np.outer(along, along) + (NOTHING * arm) ** 2 * np.eye(3)
         slab = random_solid(heavy, centre, spread, extent)
         slab += _WRONG**2 * np.outer(body.row, body.row)
         own = body.uncertainty

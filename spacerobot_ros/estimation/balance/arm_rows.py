@@ -16,7 +16,7 @@ from ...types import Array, BoolArray, IntArray
 from ..columns import Candidate
 from ..inference.evidence import Gram
 from .anchor import HELD, scale_columns, unanchored
-from .arm_candidates import ZEROS, arm_candidates, candidates_of_recordings
+from .arm_candidates import GAIN, ZEROS, arm_candidates, candidates_of_recordings
 from .arm_columns import columns_of
 from .arm_priors import DRY, Machine
 from .balance import Balance, rms
@@ -245,15 +245,17 @@ class ArmRows:
             stride = balance.arm.stride
             at = self.rows_at(balance, k)
             times = balance.row_times[at]
-            torque.append(self.torque(run)[at, j])
-            columns.append(full[at, j])
+            missed, moved = self.torque(run)[at, j], full[at, j]
             if k >= self.robot.n_joints or not self.is_driven[j]:
                 known = np.zeros(0) if self.about is None else self.about
                 about = np.pad(known, (0, full.shape[2] - len(known)))
-                left = self.torque(run)[at, j] - full[at, j] @ about
+                # torques by their gain are these times the gain where nothing is measured
+                moved[:, self._gain_at(j)] = (moved @ about)[:, None]
+                left = missed - moved @ about
                 grown = self._own_scale[j] / (1.0 + max(self._own_scale[j] @ about, -0.5))
-                columns[-1] = full[at, j] + np.outer(left, grown)
-                torque[-1] = torque[-1] + left * (grown @ about)
+                missed, moved = missed + left * (grown @ about), moved + np.outer(left, grown)
+            torque.append(missed)
+            columns.append(moved)
             needed = balance.motion.effort[::stride, j][at]
             direction = np.sign(balance.motion.qd[::stride, j][at])
             late, stuck = (x[at, j] for x in balance.arm.unsure)
@@ -267,6 +269,12 @@ class ArmRows:
             np.concatenate(block),
             np.concatenate(gap),
         )
+
+    def _gain_at(self, j: int) -> IntArray:
+        """Column of the gain of a joint's torques, if it has one."""
+        key = GAIN, self.robot.joints[j]
+        own = (self.places[i] for i, c in enumerate(self.candidates) if c.key == key)
+        return np.concatenate([np.zeros(0, dtype=int), *own])
 
     def joint_times(self, k: int) -> Array:
         """(M,) times of the rows of set k, each of its recording [s]."""
