@@ -14,8 +14,9 @@ from ...estimation.balance.arm_candidates import GAIN
 from ...estimation.balance.arm_levels import leftover_levels
 from ...estimation.balance.arm_priors import DRY, is_kind_of
 from ...estimation.balance.arm_rows import ArmRows
-from ...estimation.balance.arm_rows_about import about_delay, about_loads
+from ...estimation.balance.arm_rows_about import about_loads, about_readings
 from ...estimation.balance.motor_constants import first_constants, scaled_constant
+from ...estimation.columns import Candidate
 from ...inference.gram_blocks import GramBlocks
 from ...inference.hypotheses import Hypotheses
 from ...inference.inferred import Inferred, infer
@@ -28,7 +29,7 @@ from ..events.event import Spans
 from ..limits import CHANCE
 from .arm_found import WORSE, ArmFound, balances_of, refuse_rest, refuse_short
 from .arm_hypotheses import arm_hypotheses, blocks_of
-from .fitted_arm import DELAY, FittedArm
+from .fitted_arm import FittedArm
 from .spectral_level import SpectralRows
 
 _ROUNDS = 4
@@ -170,21 +171,29 @@ def _about(
 ) -> ArmRows:
     """Rows about a model that has what was found, where columns hold for small causes."""
     effects = rough.effects([*rough.chosen, *rough.calibration])
-    late = [i for i in rough.chosen if rows.candidates[i].kind.id == DELAY]
-    if not late and not any(e.follows_load for e in effects):
+    read = [i for i in rough.chosen if _is_of_readings(rows.candidates[i])]
+    if not read and not any(e.follows_load for e in effects):
         return rows
     try:
         moving = [e for e in effects if e.acts('force') or e.acts('change')]
         whole = balances_of(records, rows.robot, (*believed, *moving), left_out)
         rows = about_loads(rows, whole, rough.chosen)
-        for i in late:
-            (delay,) = rough.effects([i])
-            whole = balances_of(records, rows.robot, (*believed, *moving, delay), left_out)
-            undone = balances_of(records, rows.robot, (*believed, delay), left_out)
-            rows = about_delay(rows, i, delay['delay'], undone, whole)
+        if read:
+            known = rough.effects(read)
+            whole = balances_of(records, rows.robot, (*believed, *moving, *known), left_out)
+            undone = balances_of(records, rows.robot, (*believed, *known), left_out)
+            values = {i: rough.values[rows.places[i]] for i in read}
+            rows = about_readings(rows, values, undone, whole)
     except ConfigurationError:  # together they are no robot
         pass
     return rows
+
+
+def _is_of_readings(candidate: Candidate) -> bool:
+    """Whether a cause changes at which angles or times torques were, in all recordings."""
+    kind = candidate.kind
+    is_late = kind.acts('delay') or kind.acts('joint_delays')
+    return candidate.recordings is None and (is_late or kind.id == 'encoder_offset')
 
 
 def levels_of(rows: ArmRows, chosen: FittedArm, more: Sequence[int] = ()) -> list[Array]:

@@ -19,7 +19,6 @@ from ...inference.marginal import Marginal
 from ...types import Array, IntArray
 from .arm_hypotheses import arm_hypotheses, blocks_of
 
-DELAY = 'effort_delay'
 _TURNING = [1, 2, 3, 5, 7, 8]
 """First moments and products of inertia: a wheel's, whose rate alone is measured, are known in one
 recording only, whose first sample they are counted from."""
