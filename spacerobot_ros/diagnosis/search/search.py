@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -120,6 +120,13 @@ class _Timed:
     is_good: bool
 
 
+class _Tried(NamedTuple):
+    """A fit of other causes, and by how much it is better than the present one [nats]."""
+
+    fit: Fit
+    gap: float
+
+
 class Search:
     """Causes of one run.
 
@@ -172,6 +179,20 @@ class Search:
         keys = {variant_of(h).key for h in wanted.causes}
         if keys == held and wanted.timing == self._now.fit.run.timing:
             return False
+        first = self._first(wanted)
+        tried = self._fitted(first, wanted.mean, wanted.timing)
+        new = [h for h in first if variant_of(h).key not in held]
+        if new:
+            other = self._wanted(new[0])
+            instead = self._first(other)
+            if self._promised(instead, other.timing) > tried.gap:
+                other_fit = self._fitted(instead, other.mean, other.timing)
+                tried = max(tried, other_fit, key=lambda it: it.gap)
+        return self._takes(tried)
+
+    def _first(self, wanted: _Wanted) -> list[Hypothesis]:
+        """Those of a set that the fit has, then the largest others."""
+        held = {c.key for c in self._now.fit.causes}
         large = CURVED * max(wanted.losses, default=0.0)
         new = [
             h
@@ -180,8 +201,7 @@ class Search:
             )
             if variant_of(h).key not in held and loss >= large
         ]
-        kept = [h for h in wanted.causes if variant_of(h).key in held]
-        return self._tries([*kept, *new[:AT_ONCE]], wanted.mean, wanted.timing)
+        return [*(h for h in wanted.causes if variant_of(h).key in held), *new[:AT_ONCE]]
 
     @property
     def timing(self) -> str:
@@ -211,12 +231,18 @@ class Search:
             out[timing] = _Timed(under, few, p_value is not None and p_value >= FITS)
         return out
 
-    def _wanted(self) -> _Wanted:
-        """The best set under the most probable timing."""
+    def _wanted(self, without: Hypothesis | None = None) -> _Wanted:
+        """The best set under the most probable timing, or the best without a cause."""
         timing, held = self.timing, len(self._now.fit.causes)
         under = self._by_timing[timing]
         hypotheses = under.hypotheses
-        found = best_set(hypotheses, under.few.chosen, is_thorough=False, most=held + AHEAD)
+        barred = {
+            i
+            for i, h in enumerate(hypotheses.every)
+            if without is not None and h.family == without.family
+        }
+        start = under.few.chosen - barred
+        found = best_set(hypotheses, start, barred, is_thorough=False, most=held + AHEAD)
         chosen = sorted(found.chosen)
         losses = []
         for i in chosen:
@@ -263,10 +289,11 @@ class Search:
     def _tries(
         self, causes: Sequence[Hypothesis], mean: Array, timing: str, *, is_forced: bool = False
     ) -> bool:
-        """Fit some causes as they are; whether anything changed for the next search.
+        """Fit some causes as they are; whether anything changed for the next search."""
+        return self._takes(self._fitted(causes, mean, timing), is_forced=is_forced)
 
-        A set that was left does not come back, so that this ends.
-        """
+    def _fitted(self, causes: Sequence[Hypothesis], mean: Array, timing: str) -> _Tried:
+        """Some causes as they are."""
         now = self._now.fit
         self._report(f'fitting {counted(len(causes), "cause")}', 0.4)
         run = now.run if timing == now.run.timing else now.run.timed(timing)
@@ -275,18 +302,25 @@ class Search:
             gap = self._objective(fit) - self._objective(now)
         else:  # a clock that is late puts samples on times of their own: other errors, not fewer
             gap = self._promised(causes, timing)
-        seen = frozenset(c.key for c in fit.causes), timing
-        if is_forced or (gap > RISE and seen not in self._left):
-            self._left.add((frozenset(c.key for c in now.causes), now.run.timing))
+        return _Tried(fit, gap)
+
+    def _takes(self, tried: _Tried, *, is_forced: bool = False) -> bool:
+        """Whether a fit that was tried changes anything for the next search.
+
+        A set that was left does not come back, so that this ends.
+        """
+        now, fit = self._now.fit, tried.fit
+        held, keys = (frozenset(c.key for c in f.causes) for f in (now, fit))
+        seen = keys, fit.run.timing
+        if is_forced or (tried.gap > RISE and seen not in self._left):
+            self._left.add((held, now.run.timing))
             self._beaten.clear()
             self._now = self._moved(fit)
             self.__dict__.pop('_by_timing', None)
             return True
-        new = {variant_of(h).key for h in causes} - {c.key for c in now.causes}
-        gone = frozenset({c.key for c in now.causes} - {variant_of(h).key for h in causes})
-        self._beaten |= dict.fromkeys(new, (gone, -gap))
+        self._beaten |= dict.fromkeys(keys - held, (held - keys, -tried.gap))
         self.__dict__.pop('_by_timing', None)
-        return bool(new)
+        return bool(keys - held)
 
     def _promised(self, causes: Sequence[Hypothesis], timing: str) -> float:
         """By how much columns want a set more than the fit's."""
