@@ -2,13 +2,15 @@
 
 Columns hold for small effects only. What a set loses most by is fitted, and columns are made anew
 where these rows are far from what the old ones promised; until the set that columns want is the
-one that was fitted, and its causes predict parts of the record.
+one that was fitted, and its causes predict parts of the record. Columns along the recorded motion
+promise all to a body that is gone where all forces may be gone, too: where the best set without
+its largest new cause promises more than a fit has given, both are fitted.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, cast
@@ -23,70 +25,13 @@ from ...formats import counted
 from ...inference.decisive import CONFOUNDED, FAMILYWISE, RISE
 from ...inference.hypotheses import Hypotheses
 from ...inference.hypothesis import Hypothesis
-from ...inference.inferred import Inferred, InferredCause, infer
+from ...inference.inferred import Inferred, infer
 from ...inference.model_search import ChosenSet, best_set
 from ...types import Array
-from ..limits import AHEAD, AT_ONCE, CURVED, FITS, MISFIT, MOST_CAUSES
+from ..limits import AHEAD, AT_ONCE, CURVED, FITS, MOST_CAUSES
+from .found import Found
 from .linear_rows import CandidateColumns, LinearRows, Variant, variant_of
 from .timing import log_odds_of, timings
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """Result of the search.
-
-    Args:
-        null: The model as it stands.
-        rows: The model with all causes, and everything else as columns.
-        inferred: What that says.
-        rivals: By cause, what could stand in its place, with the log odds against that.
-    """
-
-    null: Fit
-    rows: LinearRows
-    inferred: Inferred
-    rivals: Mapping[Key, Mapping[Key, float]]
-
-    @property
-    def fit(self) -> Fit:
-        """The model with all causes."""
-        return self.rows.fit
-
-    @property
-    def is_good(self) -> bool:
-        """Whether the model with all causes fits."""
-        p_value, _ = self.fit.rows.whiteness()
-        return p_value is not None and p_value >= MISFIT
-
-    @property
-    def gain(self) -> float:
-        """Log evidence of the causes."""
-        return self.fit.evidence - self.null.evidence
-
-    @cached_property
-    def hypotheses(self) -> Hypotheses:
-        """The causes in the order of `fit`, and all else."""
-        now = self.rows
-        return Hypotheses(now.blocks(now.data), now.hypotheses)
-
-    @property
-    def deviations(self) -> Array:
-        """(P,) standard deviations of all fitted coordinates, by the scatter over blocks."""
-        spread = np.sqrt(np.maximum(np.diag(self.fit.covariance()), 0.0))
-        robust = self.inferred.covariance
-        return spread if robust is None else spread * robust.wider
-
-    @property
-    def causes(self) -> list[InferredCause]:
-        """What speaks for each, in the order of `fit`."""
-        by_key = {variant_of(cause).key: cause for cause in self.inferred.causes}
-        return [by_key[cause.key] for cause in self.fit.causes]
-
-    def only(self, kept: Sequence[int]) -> Fit:
-        """The fit with only some of its causes."""
-        if len(kept) == len(self.fit.causes):
-            return self.fit
-        return refine(self.fit.run, [self.fit.causes[i] for i in kept])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,7 +65,7 @@ class _Timed:
     is_good: bool
 
 
-class _Tried(NamedTuple):
+class _Attempt(NamedTuple):
     """A fit of other causes, and by how much it is better than the present one [nats]."""
 
     fit: Fit
@@ -185,9 +130,9 @@ class Search:
         if new:
             other = self._wanted(new[0])
             instead = self._first(other)
-            if self._promised(instead, other.timing) > tried.gap:
-                other_fit = self._fitted(instead, other.mean, other.timing)
-                tried = max(tried, other_fit, key=lambda it: it.gap)
+            if self._promised(instead, other.timing) > max(tried.gap, RISE):
+                both = tried, self._fitted(instead, other.mean, other.timing)
+                tried = max(filter(self._leads, both), key=lambda it: it.gap, default=tried)
         return self._takes(tried)
 
     def _first(self, wanted: _Wanted) -> list[Hypothesis]:
@@ -292,7 +237,7 @@ class Search:
         """Fit some causes as they are; whether anything changed for the next search."""
         return self._takes(self._fitted(causes, mean, timing), is_forced=is_forced)
 
-    def _fitted(self, causes: Sequence[Hypothesis], mean: Array, timing: str) -> _Tried:
+    def _fitted(self, causes: Sequence[Hypothesis], mean: Array, timing: str) -> _Attempt:
         """Some causes as they are."""
         now = self._now.fit
         self._report(f'fitting {counted(len(causes), "cause")}', 0.4)
@@ -302,25 +247,23 @@ class Search:
             gap = self._objective(fit) - self._objective(now)
         else:  # a clock that is late puts samples on times of their own: other errors, not fewer
             gap = self._promised(causes, timing)
-        return _Tried(fit, gap)
+        return _Attempt(fit, gap)
 
-    def _takes(self, tried: _Tried, *, is_forced: bool = False) -> bool:
-        """Whether a fit that was tried changes anything for the next search.
-
-        A set that was left does not come back, so that this ends.
-        """
-        now, fit = self._now.fit, tried.fit
-        held, keys = (frozenset(c.key for c in f.causes) for f in (now, fit))
-        seen = keys, fit.run.timing
-        if is_forced or (tried.gap > RISE and seen not in self._left):
-            self._left.add((held, now.run.timing))
+    def _takes(self, tried: _Attempt, *, is_forced: bool = False) -> bool:
+        """Whether a fit that was tried changes anything for the next search."""
+        held, keys = _set_of(self._now.fit)[0], _set_of(tried.fit)[0]
+        if is_forced or self._leads(tried):
+            self._left.add(_set_of(self._now.fit))
             self._beaten.clear()
-            self._now = self._moved(fit)
-            self.__dict__.pop('_by_timing', None)
-            return True
-        self._beaten |= dict.fromkeys(keys - held, (held - keys, -tried.gap))
+            self._now = self._moved(tried.fit)
+        else:
+            self._beaten |= dict.fromkeys(keys - held, (held - keys, -tried.gap))
         self.__dict__.pop('_by_timing', None)
-        return bool(keys - held)
+        return self._now.fit is tried.fit or bool(keys - held)
+
+    def _leads(self, tried: _Attempt) -> bool:
+        """Whether a fit is better; a set that was left does not come back, so that this ends."""
+        return tried.gap > RISE and _set_of(tried.fit) not in self._left
 
     def _promised(self, causes: Sequence[Hypothesis], timing: str) -> float:
         """By how much columns want a set more than the fit's."""
@@ -360,6 +303,11 @@ class Search:
             for one in gone if gap < CONFOUNDED else ():
                 out.get(one, {})[key] = gap
         return out
+
+
+def _set_of(fit: Fit) -> tuple[frozenset[Key], str]:
+    """What a fit is one of: its causes, its timing."""
+    return frozenset(cause.key for cause in fit.causes), fit.run.timing
 
 
 def _steps(fit: Fit) -> int:
