@@ -36,8 +36,9 @@ from .lone_bodies.thrust import diagnose_thrust, has_pose_and_thrust
 from .orders.orders import find_orders, wheel_orders
 from .pieces import diagnose_pieces, pieces_of
 from .search.conclusion import conclude
+from .search.found import Found
 from .search.predictable import is_predictable
-from .search.search import Found, Search
+from .search.search import Search
 from .search.timing import in_words
 
 _BALANCED = (

@@ -72,6 +72,9 @@ class GramBlocks:
     def of_rows(cls, columns: NDArray[np.floating], data: Array, matrix: Array) -> GramBlocks:
         """Rows in `CLUSTERS` runs of equal length, kept as they are, of single precision too.
 
+        Their rounding is noise of every column, which counts in the sums over all rows: directions
+        that are only it tell nothing, and no sums of them are negative.
+
         Args:
             columns: (R, K).
             data: (R,).
@@ -85,7 +88,8 @@ class GramBlocks:
             out._append(None, rows, values, 0)
             vector += rows.astype(float).T @ values
             out._information.append(np.einsum('rk,rk->k', rows, rows, dtype=float))
-        out.whole = Gram(matrix, vector, float(data @ data), len(data))
+        rounding = float(np.finfo(columns.dtype).eps) ** 2 * np.diag(np.diag(matrix))
+        out.whole = Gram(matrix + rounding, vector, float(data @ data), len(data))
         return out
 
     def add(self, columns: Array, data: Array, recording: int = 0, log_scale: float = 0.0) -> None:

@@ -8,6 +8,8 @@ import pytest
 from spacerobot_ros.inference.decisive import CLUSTERS
 from spacerobot_ros.inference.gram import Gram, sum_of
 from spacerobot_ros.inference.gram_blocks import NEVER_HELD_OUT, GramBlocks, merged
+from spacerobot_ros.inference.hypotheses import Hypotheses
+from spacerobot_ros.inference.hypothesis import Hypothesis
 
 
 def test_blocks_of_rows_and_of_sums_say_the_same(rng):
@@ -94,3 +96,20 @@ def test_rows_of_single_precision_are_kept_in_clusters(rng):
     np.testing.assert_allclose(found.vector, want.vector[columns], rtol=0.0, atol=1e-12)
     matrix = want.matrix[np.ix_(columns, columns)]
     np.testing.assert_allclose(found.matrix, matrix, rtol=0.0, atol=1e-12)
+
+
+def test_what_is_only_the_rounding_of_large_columns_tells_nothing(rng):
+    """Of a body that is nearly none: nine columns of 1e9 within six directions, beside others."""
+    six = rng.standard_normal((1440, 6)) @ rng.standard_normal((6, 9))
+    X = np.column_stack([six * 10.0 ** rng.uniform(8.0, 9.5, 9), six[:, :2] * 1e8])
+    X = X.astype(np.float32)
+    wide, y = X.astype(float), rng.standard_normal(len(X))
+    body = Hypothesis(key='body', columns=np.arange(9), slab=np.full(9, 0.5), spike=np.zeros(9))
+    others = [
+        Hypothesis(key=k, columns=np.array([k]), slab=np.array([0.5]), spike=np.zeros(1))
+        for k in (9, 10)
+    ]
+    hypotheses = Hypotheses(GramBlocks.of_rows(X, y, wide.T @ wide), [body, *others])
+    nothing = hypotheses.marginal(()).log_density
+    for chosen in [0], [0, 1], [0, 1, 2]:
+        assert hypotheses.marginal(chosen).log_density < nothing

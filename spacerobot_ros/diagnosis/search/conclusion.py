@@ -17,7 +17,7 @@ from ..answer.result import Covariance, Diagnosis, Gain
 from ..answer.words import cause_in_words, verdict_of
 from ..limits import MISFIT, MOST_CAUSES
 from .doubts import doubts
-from .search import Found
+from .found import Found
 
 _UNFINISHED = f'the search ended at {MOST_CAUSES} causes'
 

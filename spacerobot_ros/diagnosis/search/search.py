@@ -2,16 +2,18 @@
 
 Columns hold for small effects only. What a set loses most by is fitted, and columns are made anew
 where these rows are far from what the old ones promised; until the set that columns want is the
-one that was fitted, and its causes predict parts of the record.
+one that was fitted, and its causes predict parts of the record. Columns along the recorded motion
+promise all to a body that is gone where all forces may be gone, too: where the best set without
+its largest new cause promises more than a fit has given, both are fitted.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -23,70 +25,13 @@ from ...formats import counted
 from ...inference.decisive import CONFOUNDED, FAMILYWISE, RISE
 from ...inference.hypotheses import Hypotheses
 from ...inference.hypothesis import Hypothesis
-from ...inference.inferred import Inferred, InferredCause, infer
+from ...inference.inferred import Inferred, infer
 from ...inference.model_search import ChosenSet, best_set
 from ...types import Array
-from ..limits import AHEAD, AT_ONCE, CURVED, FITS, MISFIT, MOST_CAUSES
+from ..limits import AHEAD, AT_ONCE, CURVED, FITS, MOST_CAUSES
+from .found import Found
 from .linear_rows import CandidateColumns, LinearRows, Variant, variant_of
 from .timing import log_odds_of, timings
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """Result of the search.
-
-    Args:
-        null: The model as it stands.
-        rows: The model with all causes, and everything else as columns.
-        inferred: What that says.
-        rivals: By cause, what could stand in its place, with the log odds against that.
-    """
-
-    null: Fit
-    rows: LinearRows
-    inferred: Inferred
-    rivals: Mapping[Key, Mapping[Key, float]]
-
-    @property
-    def fit(self) -> Fit:
-        """The model with all causes."""
-        return self.rows.fit
-
-    @property
-    def is_good(self) -> bool:
-        """Whether the model with all causes fits."""
-        p_value, _ = self.fit.rows.whiteness()
-        return p_value is not None and p_value >= MISFIT
-
-    @property
-    def gain(self) -> float:
-        """Log evidence of the causes."""
-        return self.fit.evidence - self.null.evidence
-
-    @cached_property
-    def hypotheses(self) -> Hypotheses:
-        """The causes in the order of `fit`, and all else."""
-        now = self.rows
-        return Hypotheses(now.blocks(now.data), now.hypotheses)
-
-    @property
-    def deviations(self) -> Array:
-        """(P,) standard deviations of all fitted coordinates, by the scatter over blocks."""
-        spread = np.sqrt(np.maximum(np.diag(self.fit.covariance()), 0.0))
-        robust = self.inferred.covariance
-        return spread if robust is None else spread * robust.wider
-
-    @property
-    def causes(self) -> list[InferredCause]:
-        """What speaks for each, in the order of `fit`."""
-        by_key = {variant_of(cause).key: cause for cause in self.inferred.causes}
-        return [by_key[cause.key] for cause in self.fit.causes]
-
-    def only(self, kept: Sequence[int]) -> Fit:
-        """The fit with only some of its causes."""
-        if len(kept) == len(self.fit.causes):
-            return self.fit
-        return refine(self.fit.run, [self.fit.causes[i] for i in kept])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,6 +63,13 @@ class _Timed:
     hypotheses: Hypotheses
     few: ChosenSet
     is_good: bool
+
+
+class _Attempt(NamedTuple):
+    """A fit of other causes, and by how much it is better than the present one [nats]."""
+
+    fit: Fit
+    gap: float
 
 
 class Search:
@@ -172,6 +124,20 @@ class Search:
         keys = {variant_of(h).key for h in wanted.causes}
         if keys == held and wanted.timing == self._now.fit.run.timing:
             return False
+        first = self._first(wanted)
+        tried = self._fitted(first, wanted.mean, wanted.timing)
+        new = [h for h in first if variant_of(h).key not in held]
+        if new:
+            other = self._wanted(new[0])
+            instead = self._first(other)
+            if self._promised(instead, other.timing) > max(tried.gap, RISE):
+                both = tried, self._fitted(instead, other.mean, other.timing)
+                tried = max(filter(self._leads, both), key=lambda it: it.gap, default=tried)
+        return self._takes(tried)
+
+    def _first(self, wanted: _Wanted) -> list[Hypothesis]:
+        """Those of a set that the fit has, then the largest others."""
+        held = {c.key for c in self._now.fit.causes}
         large = CURVED * max(wanted.losses, default=0.0)
         new = [
             h
@@ -180,8 +146,7 @@ class Search:
             )
             if variant_of(h).key not in held and loss >= large
         ]
-        kept = [h for h in wanted.causes if variant_of(h).key in held]
-        return self._tries([*kept, *new[:AT_ONCE]], wanted.mean, wanted.timing)
+        return [*(h for h in wanted.causes if variant_of(h).key in held), *new[:AT_ONCE]]
 
     @property
     def timing(self) -> str:
@@ -211,12 +176,18 @@ class Search:
             out[timing] = _Timed(under, few, p_value is not None and p_value >= FITS)
         return out
 
-    def _wanted(self) -> _Wanted:
-        """The best set under the most probable timing."""
+    def _wanted(self, without: Hypothesis | None = None) -> _Wanted:
+        """The best set under the most probable timing, or the best without a cause."""
         timing, held = self.timing, len(self._now.fit.causes)
         under = self._by_timing[timing]
         hypotheses = under.hypotheses
-        found = best_set(hypotheses, under.few.chosen, is_thorough=False, most=held + AHEAD)
+        barred = {
+            i
+            for i, h in enumerate(hypotheses.every)
+            if without is not None and h.family == without.family
+        }
+        start = under.few.chosen - barred
+        found = best_set(hypotheses, start, barred, is_thorough=False, most=held + AHEAD)
         chosen = sorted(found.chosen)
         losses = []
         for i in chosen:
@@ -263,10 +234,11 @@ class Search:
     def _tries(
         self, causes: Sequence[Hypothesis], mean: Array, timing: str, *, is_forced: bool = False
     ) -> bool:
-        """Fit some causes as they are; whether anything changed for the next search.
+        """Fit some causes as they are; whether anything changed for the next search."""
+        return self._takes(self._fitted(causes, mean, timing), is_forced=is_forced)
 
-        A set that was left does not come back, so that this ends.
-        """
+    def _fitted(self, causes: Sequence[Hypothesis], mean: Array, timing: str) -> _Attempt:
+        """Some causes as they are."""
         now = self._now.fit
         self._report(f'fitting {counted(len(causes), "cause")}', 0.4)
         run = now.run if timing == now.run.timing else now.run.timed(timing)
@@ -275,18 +247,23 @@ class Search:
             gap = self._objective(fit) - self._objective(now)
         else:  # a clock that is late puts samples on times of their own: other errors, not fewer
             gap = self._promised(causes, timing)
-        seen = frozenset(c.key for c in fit.causes), timing
-        if is_forced or (gap > RISE and seen not in self._left):
-            self._left.add((frozenset(c.key for c in now.causes), now.run.timing))
+        return _Attempt(fit, gap)
+
+    def _takes(self, tried: _Attempt, *, is_forced: bool = False) -> bool:
+        """Whether a fit that was tried changes anything for the next search."""
+        held, keys = _set_of(self._now.fit)[0], _set_of(tried.fit)[0]
+        if is_forced or self._leads(tried):
+            self._left.add(_set_of(self._now.fit))
             self._beaten.clear()
-            self._now = self._moved(fit)
-            self.__dict__.pop('_by_timing', None)
-            return True
-        new = {variant_of(h).key for h in causes} - {c.key for c in now.causes}
-        gone = frozenset({c.key for c in now.causes} - {variant_of(h).key for h in causes})
-        self._beaten |= dict.fromkeys(new, (gone, -gap))
+            self._now = self._moved(tried.fit)
+        else:
+            self._beaten |= dict.fromkeys(keys - held, (held - keys, -tried.gap))
         self.__dict__.pop('_by_timing', None)
-        return bool(new)
+        return self._now.fit is tried.fit or bool(keys - held)
+
+    def _leads(self, tried: _Attempt) -> bool:
+        """Whether a fit is better; a set that was left does not come back, so that this ends."""
+        return tried.gap > RISE and _set_of(tried.fit) not in self._left
 
     def _promised(self, causes: Sequence[Hypothesis], timing: str) -> float:
         """By how much columns want a set more than the fit's."""
@@ -326,6 +303,11 @@ class Search:
             for one in gone if gap < CONFOUNDED else ():
                 out.get(one, {})[key] = gap
         return out
+
+
+def _set_of(fit: Fit) -> tuple[frozenset[Key], str]:
+    """What a fit is one of: its causes, its timing."""
+    return frozenset(cause.key for cause in fit.causes), fit.run.timing
 
 
 def _steps(fit: Fit) -> int:

@@ -1,0 +1,76 @@
+"""What a search has found: the model with all causes, and what speaks for each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...effects.effect import Key
+from ...estimation.fit import Fit
+from ...estimation.refit import refine
+from ...inference.hypotheses import Hypotheses
+from ...inference.inferred import Inferred, InferredCause
+from ...types import Array
+from ..limits import MISFIT
+from .linear_rows import LinearRows, variant_of
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Result of the search.
+
+    Args:
+        null: The model as it stands.
+        rows: The model with all causes, and everything else as columns.
+        inferred: What that says.
+        rivals: By cause, what could stand in its place, with the log odds against that.
+    """
+
+    null: Fit
+    rows: LinearRows
+    inferred: Inferred
+    rivals: Mapping[Key, Mapping[Key, float]]
+
+    @property
+    def fit(self) -> Fit:
+        """The model with all causes."""
+        return self.rows.fit
+
+    @property
+    def is_good(self) -> bool:
+        """Whether the model with all causes fits."""
+        p_value, _ = self.fit.rows.whiteness()
+        return p_value is not None and p_value >= MISFIT
+
+    @property
+    def gain(self) -> float:
+        """Log evidence of the causes."""
+        return self.fit.evidence - self.null.evidence
+
+    @cached_property
+    def hypotheses(self) -> Hypotheses:
+        """The causes in the order of `fit`, and all else."""
+        now = self.rows
+        return Hypotheses(now.blocks(now.data), now.hypotheses)
+
+    @property
+    def deviations(self) -> Array:
+        """(P,) standard deviations of all fitted coordinates, by the scatter over blocks."""
+        spread = np.sqrt(np.maximum(np.diag(self.fit.covariance()), 0.0))
+        robust = self.inferred.covariance
+        return spread if robust is None else spread * robust.wider
+
+    @property
+    def causes(self) -> list[InferredCause]:
+        """What speaks for each, in the order of `fit`."""
+        by_key = {variant_of(cause).key: cause for cause in self.inferred.causes}
+        return [by_key[cause.key] for cause in self.fit.causes]
+
+    def only(self, kept: Sequence[int]) -> Fit:
+        """The fit with only some of its causes."""
+        if len(kept) == len(self.fit.causes):
+            return self.fit
+        return refine(self.fit.run, [self.fit.causes[i] for i in kept])
