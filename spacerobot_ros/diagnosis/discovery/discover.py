@@ -14,7 +14,7 @@ from ...effects.motion import Motion
 from ...estimation.balance.arm_priors import COUPLED, DRY, is_kind_of
 from ...estimation.balance.balance import rms
 from ..answer.result import Leftover
-from ..arms.arm_found import WORSE, ArmFound
+from ..arms.arm_found import WORSE, ArmFound, without_harm
 from ..limits import CHANCE as NO_CHANCE
 from .arm_channels import PARTLY_SEEN, REPLACEABLE, ArmMotions, JointChannel
 from .channel_laws import (
@@ -76,18 +76,24 @@ def _laws_of_joint(
     Causes can stand in for a law: a spring and a ripple, or a ripple of which the motion shows a
     part, for a spring that stiffens; friction of two joints' motor that the other joint does not
     confirm for a law of this one alone. Where fewer laws, or one, explain more in their place, by
-    all prices, they are none.
+    all prices and at all joints where these causes act, they are none.
     """
     chosen, candidates = found.fit.chosen, motions.rows.candidates
     channel, held, rest = _in_likeliest_noise(JointChannel(motions, j, chosen), chance)
-    instead = tuple(i for i in chosen if _is_replaceable(found, i, j))
+    kinds = {i: candidates[i].kind.id for i in chosen}
+    instead = tuple(i for i in _acting(motions, chosen, j) if kinds[i] in REPLACEABLE)
     if instead:
         kept = tuple(i for i in chosen if i not in instead)
         other, laws, left = _in_likeliest_noise(JointChannel(motions, j, kept), chance)
-        own = sum(REPLACEABLE[candidates[i].kind.id] for i in instead)
+        own = sum(REPLACEABLE[kinds[i]] for i in instead)
         beyond = worth(other, _laws(laws)) - (worth(channel, _laws(held)) - own)
+        beyond += sum(
+            _alone(motions, k, kept) - _alone(motions, k, chosen)
+            for k in range(motions.rows.robot.n_joints)
+            if k != j and _acting(motions, instead, k)
+        )
         is_better = 0 < len(laws) < max(len(instead), 2) and beyond > MARGIN
-        if is_better and _may_stand_for(laws, [candidates[i].kind.id for i in instead]):
+        if is_better and _may_stand_for(laws, [kinds[i] for i in instead]):
             return other, laws, left, instead
     return channel, held, rest, ()
 
@@ -104,17 +110,15 @@ def _may_stand_for(laws: Sequence[HeldLaw], kinds: Sequence[str]) -> bool:
     return is_of_angle and not any(map(may_be_named, laws))
 
 
-def _is_replaceable(found: ArmFound, i: int, j: int) -> bool:
-    """Whether laws of a joint may stand in a cause's place.
+def _acting(motions: ArmMotions, causes: Iterable[int], j: int) -> list[int]:
+    """Those of some causes that the rows of a joint show."""
+    rows = motions.rows
+    return [i for i in causes if np.any(rows.joints[j].columns[:, rows.places[i]])]
 
-    That of two joints' friction only where it is not clear: it is wanted there, and not here.
-    """
-    rows = found.fit.rows
-    kind = rows.candidates[i].kind.id
-    if kind == COUPLED:
-        return i not in found.clear and bool(np.any(rows.joints[j].columns[:, rows.places[i]]))
-    is_here = rows.candidates[i].where == rows.robot.joints[j]
-    return i in found.clear and is_here and kind in REPLACEABLE
+
+def _alone(motions: ArmMotions, j: int, causes: tuple[int, ...]) -> float:
+    """Worth of a joint with some causes and no law."""
+    return worth(JointChannel(motions, j, causes).likeliest(()), ())
 
 
 def _in_likeliest_noise(
@@ -168,7 +172,8 @@ def _applied(
             _sane(applied_law(it.law, free, motions), friction, along)
             for (it, _), free in zip(pairs, frees, strict=True)
         ]
-        fitted = replace(fitted, learned=tuple(law for law in laws if law is not None))
+        known = tuple(law for law in laws if law is not None)
+        fitted = without_harm(replace(fitted, learned=known))
         worse = rms(fitted.extended) > before
         is_refused = (fitted.ratios > WORSE).any()
         is_out = [
