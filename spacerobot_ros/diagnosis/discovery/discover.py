@@ -174,7 +174,7 @@ def _applied(
         ]
         known = tuple(law for law in laws if law is not None)
         fitted = without_harm(replace(fitted, learned=known))
-        worse = rms(fitted.extended) > before
+        worse = rms(fitted.extended) > WORSE * before
         is_refused = (fitted.ratios > WORSE).any()
         is_out = [
             law is None
