@@ -129,14 +129,16 @@ def test_a_spring_that_stiffens_is_no_spring_with_a_ripple():
 
 
 def test_a_ripple_of_which_a_motion_shows_a_part_gives_way_to_a_spring_that_stiffens():
-    """Once its noise; as a ripple it was 9 times the truth's variance off on another motion."""
-    machine = HeldArm(506, 'cubic spring', 1.0, 'slow')
+    """A ripple and a spring are found there, and leave a thousandth less of the rows as they are.
+
+    At once its noise nothing is found beside the law, and its values are not told well enough.
+    """
+    machine = HeldArm(506, 'cubic spring', 3.0, 'slow')
     answer = diagnose(machine.record(), machine.file.robot, machine.file.effects)
-    assert 'joint_torque_ripple' not in {c.applied.id for c in answer.causes}
+    assert not answer.causes
     entry = of_joint(answer, machine.where)
     assert list(entry.depends_on) == machine.variables
-    added = [*(c.applied for c in answer.causes), *answer.calibration, entry.applied]
-    assert machine.transferred(added) > 0.8
+    assert machine.transferred([*answer.calibration, entry.applied]) > 0.95
 
 
 def test_a_spring_near_the_stops_is_no_spring_all_along():
