@@ -62,6 +62,7 @@ class Hypotheses:
         bases: (k, k) of each, see `standardized`.
         spikes: (K,) prior variance of every standardized coefficient where it is no cause's; a
             cause's is one.
+        usual: Prior log odds of any hypothesis, which its own are beyond.
         log_odds: (H,) prior log odds of each, with those of `Standardized`.
         families: Of each, all variants of what it is one of.
     """
@@ -87,9 +88,9 @@ class Hypotheses:
         asked = [
             i for i, h in enumerate(self.every) if np.isfinite(h.log_odds) and self.is_seen(i)
         ]
-        usual = -math.log(max(len(asked), 1)) - FAMILYWISE
+        self.usual = -math.log(max(len(asked), 1)) - FAMILYWISE
         odds = zip(self.every, resolved, strict=True)
-        self.log_odds = np.array([usual + h.log_odds + more for h, more in odds])
+        self.log_odds = np.array([self.usual + h.log_odds + more for h, more in odds])
         self.always = frozenset(i for i, h in enumerate(self.every) if h.log_odds == math.inf)
         numbers = {h.key: i for i, h in enumerate(self.every)}
         members = defaultdict[Hashable, set[int]](set)

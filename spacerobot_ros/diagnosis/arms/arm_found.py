@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -70,6 +70,17 @@ class ArmFound:
         """(R, n) rms that the extended model leaves by that of the model; NaN at rest."""
         pairs = zip(self.fit.rows.balances, self.extended, strict=True)
         return np.array([rms([after]) / rms([before]) for before, after in pairs])
+
+
+def without_harm(found: ArmFound) -> ArmFound:
+    """The same, or without what has no name where that leaves the worst joint better.
+
+    Tolerances far outside of what they are help one joint and harm another.
+    """
+    if not np.any(found.ratios > WORSE):
+        return found
+    bare = replace(found, calibration=())
+    return min(found, bare, key=lambda some: float(np.nanmax(some.ratios)))
 
 
 def balances_of(

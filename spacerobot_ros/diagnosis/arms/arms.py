@@ -27,7 +27,7 @@ from ...types import Array
 from ..events.arm_events import arm_events
 from ..events.event import Spans
 from ..limits import CHANCE
-from .arm_found import WORSE, ArmFound, balances_of, refuse_rest, refuse_short
+from .arm_found import ArmFound, balances_of, refuse_rest, refuse_short, without_harm
 from .arm_hypotheses import arm_hypotheses, blocks_of
 from .fitted_arm import FittedArm
 from .spectral_level import SpectralRows
@@ -136,10 +136,7 @@ def _found(
         calibration=tuple(fit.effects([*unclear, *fit.calibration])),
         events=events,
     )
-    if not np.any(found.ratios > WORSE):
-        return found
-    bare = replace(found, calibration=())  # tolerances far outside of what they are help one joint
-    return min(found, bare, key=lambda some: float(np.nanmax(some.ratios)))
+    return without_harm(found)
 
 
 def _inferred(rows: ArmRows, blocks: GramBlocks, levels: Sequence[Array]) -> Inferred:

@@ -11,18 +11,17 @@ from ...effects.effect import Effect
 from ...effects.laws.grammar import quantity
 from ...effects.laws.learned_torque import LearnedTorque
 from ...effects.motion import Motion
-from ...estimation.balance.arm_priors import COUPLED, DRY, is_kind_of
+from ...estimation.balance.arm_priors import DRY, is_kind_of
 from ...estimation.balance.balance import rms
 from ..answer.result import Leftover
-from ..arms.arm_found import WORSE, ArmFound
+from ..arms.arm_found import WORSE, ArmFound, without_harm
 from ..limits import CHANCE as NO_CHANCE
-from .arm_channels import PARTLY_SEEN, REPLACEABLE, ArmMotions, JointChannel
+from .arm_channels import REPLACEABLE, ArmMotions, JointChannel
 from .channel_laws import (
     HeldLaw,
     laws_of,
     leftover_of,
     leftover_without,
-    may_be_named,
 )
 from .discovery_limits import CHANCE, FED_IN, MARGIN
 from .fitted_laws import LawCandidate, applied_law, candidate_of, with_laws
@@ -75,46 +74,42 @@ def _laws_of_joint(
 
     Causes can stand in for a law: a spring and a ripple, or a ripple of which the motion shows a
     part, for a spring that stiffens; friction of two joints' motor that the other joint does not
-    confirm for a law of this one alone. Where fewer laws, or one, explain more in their place, by
-    all prices, they are none.
+    confirm for a law of this one alone. Where laws in their place raise the evidence at all joints
+    where these causes act by more than the prior odds, they are none. Both have the prior of a
+    law's coefficients there: that of a cause's size would count for the law.
     """
-    chosen, candidates = found.fit.chosen, motions.rows.candidates
+    chosen, fit = found.fit.chosen, found.fit
     channel, held, rest = _in_likeliest_noise(JointChannel(motions, j, chosen), chance)
-    instead = tuple(i for i in chosen if _is_replaceable(found, i, j))
-    if instead:
-        kept = tuple(i for i in chosen if i not in instead)
-        other, laws, left = _in_likeliest_noise(JointChannel(motions, j, kept), chance)
-        own = sum(REPLACEABLE[candidates[i].kind.id] for i in instead)
-        beyond = worth(other, _laws(laws)) - (worth(channel, _laws(held)) - own)
-        is_better = 0 < len(laws) < max(len(instead), 2) and beyond > MARGIN
-        if is_better and _may_stand_for(laws, [candidates[i].kind.id for i in instead]):
-            return other, laws, left, instead
-    return channel, held, rest, ()
+    kinds = [c.kind.id for c in motions.rows.candidates]
+    instead = tuple(i for i in _acting(motions, chosen, j) if kinds[i] in REPLACEABLE)
+    if not instead:
+        return channel, held, rest, ()
+    kept = tuple(i for i in chosen if i not in instead)
+    other, laws, left = _in_likeliest_noise(JointChannel(motions, j, kept), chance)
+    before, after = [it.law for it in held], [it.law for it in laws]
+    beyond = worth(other, after) - worth(replace(other, loud=channel.loud), before, instead)
+    beyond += sum(
+        _without(motions, k, kept, instead)
+        for k in range(motions.rows.robot.n_joints)
+        if k != j and _acting(motions, instead, k)
+    )
+    usual, every = fit.hypotheses.usual, fit.hypotheses.every
+    beyond += usual * (len(after) - len(before))
+    beyond -= sum(usual + every[i].log_odds for i in instead)
+    return (other, laws, left, instead) if laws and beyond > MARGIN else (channel, held, rest, ())
 
 
-def _may_stand_for(laws: Sequence[HeldLaw], kinds: Sequence[str]) -> bool:
-    """Whether laws may stand in the place of causes.
-
-    A spring alone gives way to one of another shape, and to nothing else: next to any law is
-    better in some noise.
-    """
-    if {PARTLY_SEEN, COUPLED}.intersection(kinds):
-        return True
-    is_of_angle = all(it.law.inputs == (f'angle/{it.place}',) for it in laws)
-    return is_of_angle and not any(map(may_be_named, laws))
+def _acting(motions: ArmMotions, causes: Iterable[int], j: int) -> list[int]:
+    """Those of some causes that the rows of a joint show."""
+    rows = motions.rows
+    return [i for i in causes if np.any(rows.joints[j].columns[:, rows.places[i]])]
 
 
-def _is_replaceable(found: ArmFound, i: int, j: int) -> bool:
-    """Whether laws of a joint may stand in a cause's place.
-
-    That of two joints' friction only where it is not clear: it is wanted there, and not here.
-    """
-    rows = found.fit.rows
-    kind = rows.candidates[i].kind.id
-    if kind == COUPLED:
-        return i not in found.clear and bool(np.any(rows.joints[j].columns[:, rows.places[i]]))
-    is_here = rows.candidates[i].where == rows.robot.joints[j]
-    return i in found.clear and is_here and kind in REPLACEABLE
+def _without(motions: ArmMotions, j: int, kept: tuple[int, ...], causes: tuple[int, ...]) -> float:
+    """Log likelihood that a joint gains without some causes [nats]."""
+    bare = JointChannel(motions, j, kept)
+    noise = JointChannel(motions, j, (*kept, *causes)).likeliest(()).loud
+    return worth(bare.likeliest(()), ()) - worth(replace(bare, loud=noise), (), causes)
 
 
 def _in_likeliest_noise(
@@ -131,10 +126,6 @@ def _in_likeliest_noise(
     if again is first:
         return first, held, rest
     return (again, *laws_of(again, chance))
-
-
-def _laws(held: Sequence[HeldLaw]) -> list[Winner]:
-    return [it.step for it in held]
 
 
 def _applied(
@@ -168,8 +159,9 @@ def _applied(
             _sane(applied_law(it.law, free, motions), friction, along)
             for (it, _), free in zip(pairs, frees, strict=True)
         ]
-        fitted = replace(fitted, learned=tuple(law for law in laws if law is not None))
-        worse = rms(fitted.extended) > before
+        known = tuple(law for law in laws if law is not None)
+        fitted = without_harm(replace(fitted, learned=known))
+        worse = rms(fitted.extended) > WORSE * before
         is_refused = (fitted.ratios > WORSE).any()
         is_out = [
             law is None
