@@ -116,8 +116,8 @@ LARGEST_LAW = 1.49
 """Of its largest torque in the data, what a learned law may ever give: 1.5 is promised, and the
 motion of the data is known to its noise (1.5002 times was seen at 1.5, `reproduce discovery`)."""
 
-LINE = 1.0 / 3.0
+LINE = 0.5
 """Share of a cause's evidence at the level beside it from which what is left is of the family of
-levels there. A swing of one frequency is a line itself, whose bin would hide any cause in it; half
-of the evidence is left there of viscous friction in 50 torques of a pendulum, 2 to 50 times in
-longer ones. Of what went with lines of noise at most 0.2 was left."""
+levels there. A swing of one frequency is a line itself, whose bin would hide any cause in it;
+beside its causes nothing is left there (2 to 50 times the evidence). Of what went with lines
+of noise at most 0.2 was left."""

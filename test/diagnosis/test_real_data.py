@@ -245,7 +245,8 @@ def test_a_last_link_whose_file_is_wrong(tmp_path, capsys):
     off = causes['inertial_parameters', 'Link2']['ixx']
     assert abs(off['value'] + 0.6256 * 0.2557**2) < 3.0 * off['std'] < 0.04
     laws = {law['joint']: law['coulomb'] for law in found['friction']}
-    assert laws == pytest.approx({'Joint1': 0.16, 'Joint2': 0.12}, abs=0.08)  # published
+    # published, without what grows with the load, a third of that of the first joint here
+    assert laws == pytest.approx({'Joint1': 0.16, 'Joint2': 0.12}, abs=0.1)
 
 
 def test_pushes_of_a_ur10e_held_still_with_the_friction_of_another_recording(tmp_path):

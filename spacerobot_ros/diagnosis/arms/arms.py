@@ -119,10 +119,11 @@ def _found(
     levels = levels_of(rows, rough)
     report('choosing causes at the level that is left', 0.6)
     blocks = blocks_of(rows, levels)
-    inferred = _inferred(rows, blocks, levels)
+    inferred = _inferred(rows, blocks)
     causes = {cast(int, c.key): c for c in inferred.causes}
     fit = FittedArm(rows, blocks, tuple(sorted(causes)))
-    clear = tuple(i for i in fit.chosen if fit.chance(i) < CHANCE)
+    unsupported = SpectralRows(rows, levels, fit.hypotheses.every).unsupported(fit)
+    clear = tuple(i for i in fit.chosen if fit.chance(i) < CHANCE and i not in unsupported)
     unclear = [i for i in fit.chosen if i not in clear]
     found = ArmFound(
         records=tuple(records),
@@ -139,18 +140,16 @@ def _found(
     return without_harm(found)
 
 
-def _inferred(rows: ArmRows, blocks: GramBlocks, levels: Sequence[Array]) -> Inferred:
+def _inferred(rows: ArmRows, blocks: GramBlocks) -> Inferred:
     """What the rows say; torques that do not follow from the model at all have no gain."""
     every = arm_hypotheses(rows)
-    spectral = SpectralRows(rows, levels, every)
 
-    def refused(hypotheses: Hypotheses, found: ChosenSet) -> set[int]:
+    def at_bound(hypotheses: Hypotheses, found: ChosenSet) -> list[int]:
         mean = hypotheses.mean(found.marginal, found.chosen)
         gains = (i for i in found.chosen if rows.candidates[i].kind.id == GAIN)
-        at_bound = {i for i in gains if mean[rows.places[i][0]] > 0.999 * every[i].most[0]}
-        return at_bound or spectral.unsupported(hypotheses, found)
+        return [i for i in gains if mean[rows.places[i][0]] > 0.999 * every[i].most[0]]
 
-    return infer(blocks, every, refused=refused)
+    return infer(blocks, every, refused=at_bound)
 
 
 def _chosen(rows: ArmRows, levels: Sequence[Array], barred: Collection[int]) -> FittedArm:

@@ -23,6 +23,7 @@ from ...inference.hypothesis import Hypothesis
 from ...inference.model_search import ChosenSet
 from ...types import Array
 from ..limits import LINE
+from .fitted_arm import FittedArm
 
 _UNSEEN = 1e-2  # of the noise, all rows together: what no evidence shows
 
@@ -54,15 +55,15 @@ class SpectralRows:
         self._ends = tuple(np.cumsum([len(x) for x in data])[:-1].tolist())
         self._sizes = np.linalg.norm(self._columns, axis=0)
 
-    def unsupported(self, family: Hypotheses, found: ChosenSet) -> set[int]:
+    def unsupported(self, fit: FittedArm) -> set[int]:
         """Causes that are not worth their prior odds, weakest first.
 
         An offset is one term: the bin around it says nothing of it, and it is not asked.
 
         Args:
-            family: The hypotheses at the level that the rows are whitened by.
-            found: A set of causes of these.
+            fit: The causes at the level that the rows are whitened by.
         """
+        family, found = fit.hypotheses, ChosenSet.of(fit.hypotheses, fit.chosen)
         known = {i: found.objective - _without(family, found, i).objective for i in found.chosen}
         chosen, gone = set(found.chosen), set[int]()
         while asked := {i: known[i] for i in chosen if self._is_asked(i)}:
