@@ -17,6 +17,7 @@ from ..estimation.noise_levels import noise_levels
 from ..estimation.runs import Run
 from ..estimation.trajectory.observations import observed, refuse_unbalanced
 from ..identification.outliers import screened
+from ..inference.decisive import MISFIT
 from ..model.robot import Robot
 from ..recording.faults.data_faults import check_data
 from ..recording.record import Record
@@ -30,7 +31,7 @@ from .discovery.other_recording import unmeasured_inputs, unshared_extras
 from .events.arm_events import arm_events
 from .events.event import Event, Events, PossibleEvent
 from .events.impulses import impulse_events, large_steps, spans_of, steps_beside_usual
-from .limits import MISFIT, UNLIKE_STEPS
+from .limits import UNLIKE_STEPS
 from .lone_bodies.spinning import diagnose_spin, is_spinning
 from .lone_bodies.thrust import diagnose_thrust, has_pose_and_thrust
 from .orders.orders import find_orders, wheel_orders

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-MISFIT = 1e-4
-"""Probability below which a model does not fit. A stated error rate: one clean record in 10,000 is
-`unexplained` for nothing; the campaign saw none in 284 (validation/results)."""
+import math
 
 DRIFTING = 1e-2
 """Probability, of a right model, of a fit as bad, or values that drift as much, from which causes
@@ -32,15 +30,6 @@ explain nothing: two of a size undo half of each, at a correlation of -1/2. Of 5
 as the campaign hides them 3 have more (2.1, 2.7, 8.5), the others at most 1.4; what stood for an
 effect that was in no catalogue had 1.4 to 120 in 5 of 11 records."""
 
-FALSE_ALARMS = 1e-3
-"""Expected false names a record, over all candidates and the values that were searched
-(Bonferroni). The campaign saw 1 in 284 clean records, 95 % bound 2 %."""
-
-EQUIVALENT = 6.0
-"""Gap in log evidence within which two causes are not told apart: odds of 400 to 1. `Very strong`
-begins at 150 to 1 (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995)); Laplace's approximation is
-good to about a nat."""
-
 SUSPICIOUS = 0.1
 """Probability of the fit below which effects with states of their own are looked at, too. They
 leave slow errors or spectral lines where they are visible at all, so this costs no name: a tenth
@@ -49,9 +38,6 @@ of all clean records is searched for nothing."""
 MOST_CAUSES = 12
 """Causes of a record whose columns hold for small effects only: bounds the run time where nothing
 fits, and is said. More than three at once were never told apart in 20 s."""
-
-BUDGETED = 20.0
-"""Seconds that tell enough: no piece of a long record is shorter."""
 
 UNLIKE_STEPS = 100.0
 """Nats of causes that leave nothing which no step of the momentum can be: it shows for some four
@@ -69,10 +55,6 @@ to see them beside each other: both bound the run time of a model that is far of
 FITS = 0.05
 """Probability of a fit from which a timing of the efforts asks for no cause beside it: for one
 right model in twenty every timing is compared with a cause beside it, which costs time alone."""
-
-HELD = -10.0
-"""Log odds of efforts that are held between stamps, against samples of a smooth torque: where
-noise hides how they act, means of two samples miss by some nats less, whatever is right."""
 
 LIKE_NOISE = 3.0
 """Times what sensor noise leaves of a torque in the band that may be left for a search to the
@@ -99,22 +81,14 @@ CLEAR = 2.0
 """Standard deviations that one coefficient of a law which is said, not applied, must be from
 nothing: odds of 20."""
 
-CHANCE = 0.0455
+CHANCE = math.erfc(CLEAR / math.sqrt(2.0))
 """Probability, of a cause's numbers together and with their deviations as printed, from which it
 is no chance: two deviations of one number. With evidence beside it, odds of 20 are enough."""
-
-NAMED = 3.0
-"""Log odds from which a change has a name: odds of 20, the prior, and the scatter of blocks by
-which its evidence is known, counted."""
 
 DIFFERENT = 2.0
 """Times what is left of a joint's torque in the worst block of the recordings before, from which
 what is left of all recordings afterwards is another machine's. Of 220 joints of pairs of which
 nothing was changed at that joint (KUKA, UR10e, XL330, `RealArm`) the most is 1.5."""
-
-LARGEST_LAW = 1.49
-"""Of its largest torque in the data, what a learned law may ever give: 1.5 is promised, and the
-motion of the data is known to its noise (1.5002 times was seen at 1.5, `reproduce discovery`)."""
 
 LINE = 0.5
 """Share of a cause's evidence at the level beside it from which what is left is of the family of

@@ -23,12 +23,13 @@ from scipy.special import bdtrc
 from ..effects.effect import Key
 from ..estimation.inference.evidence import chi_square_tail
 from ..formats import counted
+from ..inference.decisive import MISFIT
 from ..types import Array
 from .answer.cause import Cause, Estimated, Evidence, Rival
 from .answer.result import Diagnosis, Gain, RecordingMisfit, Residual, Series
 from .answer.words import cause_in_words, verdict_of
 from .events.event import Events
-from .limits import FALSE_ALARMS, MISFIT
+from .events.event_limits import FALSE_ALARMS
 
 _GOOD = ('consistent', 'explained')
 

@@ -9,9 +9,10 @@ FAMILYWISE = 3.0
 """Nats of log odds against any hypothesis beyond ln of their number: exp(-3) = 5 % is the prior
 probability that a record has any cause at all."""
 
-PREDICTED = 3.0
-"""Nats by which a cause must raise the log predictive density of held-out parts, or of all but the
-best where it is not steady: odds of 20."""
+NAMED = 3.0
+"""Nats that a name takes, odds of 20: by which a cause must raise the log predictive density of
+held-out parts, or of all but the best where it is not steady; log odds of a change, less the
+scatter over blocks by which they are known."""
 
 STEADY = 1.7
 """Sum of these gains by its standard error over the parts, from which their scatter is no

@@ -22,7 +22,7 @@ from collections.abc import Collection
 import numpy as np
 
 from ..types import Array, IntArray
-from .decisive import PREDICTED, STEADY
+from .decisive import NAMED, STEADY
 from .gram import Gram
 from .gram_blocks import merged
 from .hypotheses import Hypotheses
@@ -114,10 +114,10 @@ class HeldOut:
 def passes(gains: Array) -> bool:
     """Whether a cause that adds so much to each part (P,) holds on what it was not fitted to."""
     total = float(np.sum(gains))
-    if len(gains) < 2 or total <= PREDICTED:
+    if len(gains) < 2 or total <= NAMED:
         return False
     error = math.sqrt(len(gains)) * float(np.std(gains, ddof=1))
-    return total > STEADY * error or total - float(np.max(gains)) > PREDICTED
+    return total > STEADY * error or total - float(np.max(gains)) > NAMED
 
 
 def weakest(gains: dict[int, Array]) -> int | None:

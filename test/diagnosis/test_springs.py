@@ -7,13 +7,13 @@ import pytest
 pytest.importorskip('mujoco')
 
 from spacerobot_ros.diagnosis.diagnose import diagnose
-from spacerobot_ros.diagnosis.limits import MISFIT
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.refit import refine
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
+from spacerobot_ros.inference.decisive import MISFIT
 from validation.mujoco.truth import generate
 
 SPRING = 'joint_stiffness'

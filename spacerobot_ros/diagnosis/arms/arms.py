@@ -33,6 +33,7 @@ from .fitted_arm import FittedArm
 from .spectral_level import SpectralRows
 
 _ROUNDS = 4
+_AT_BOUND = 0.999  # of it
 _SETTLED = 1e-3  # of a motor constant, from round to round
 
 
@@ -147,7 +148,7 @@ def _inferred(rows: ArmRows, blocks: GramBlocks) -> Inferred:
     def at_bound(hypotheses: Hypotheses, found: ChosenSet) -> list[int]:
         mean = hypotheses.mean(found.marginal, found.chosen)
         gains = (i for i in found.chosen if rows.candidates[i].kind.id == GAIN)
-        return [i for i in gains if mean[rows.places[i][0]] > 0.999 * every[i].most[0]]
+        return [i for i in gains if mean[rows.places[i][0]] > _AT_BOUND * every[i].most[0]]
 
     return infer(blocks, every, refused=at_bound)
 

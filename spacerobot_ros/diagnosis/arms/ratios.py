@@ -21,6 +21,7 @@ from ..answer.result import Ratio
 from .arm_found import ArmFound
 
 _STEP = 1e-4  # rad, of the weight's slope
+_ROUNDING = 1e-9
 _NUDGE = 1e-6  # of a coefficient's plausible size, of differences by it
 _UNITS = {
     'weight_by_inertia': '1/s^2',
@@ -135,7 +136,7 @@ def _ratios(
             named['motor_constant_by_inertia'] = constants[joint] / own
         yield from (((joint, name, None), float(value)) for name, value in named.items() if value)
         for k, other in enumerate(changed.joints):
-            if k != j and abs(inertia[j, k]) > 1e-9 * math.sqrt(own * float(inertia[k, k])):
+            if k != j and abs(inertia[j, k]) > _ROUNDING * math.sqrt(own * float(inertia[k, k])):
                 yield (joint, 'inertia_by_inertia', other), float(inertia[j, k]) / own
 
 

@@ -12,13 +12,13 @@ import numpy as np
 
 from ...effects.prior import RUN_TO_RUN
 from ...estimation.balance.arm_rows import ArmRows
-from ...inference.decisive import CLUSTERS
+from ...inference.decisive import CLUSTERS, NAMED
 from ...inference.hypotheses import Hypotheses
 from ...inference.inferred import Inferred, InferredCause, infer
 from ...inference.marginal import Marginal
 from ...inference.model_search import best_set
 from ...types import Array, IntArray
-from ..limits import CLEAR, DIFFERENT, NAMED
+from ..limits import CLEAR, DIFFERENT
 from .change_hypotheses import change_hypotheses
 from .two_groups import TwoGroups
 

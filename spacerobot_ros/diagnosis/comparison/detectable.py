@@ -8,10 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
+from ...inference.decisive import NAMED
 from ...inference.hypotheses import FittedBlocks, Hypotheses
 from ...inference.marginal import Marginal
 from ...types import Array
-from ..limits import CLEAR, NAMED
+from ..limits import CLEAR
 
 
 @dataclass(frozen=True, eq=False)

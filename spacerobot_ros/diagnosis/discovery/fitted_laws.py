@@ -18,8 +18,9 @@ from ...types import Array, BoolArray
 from ..arms.arm_found import ArmFound
 from ..arms.arms import levels_of
 from ..arms.fitted_arm import FittedArm
-from ..limits import CHANCE, LARGEST_LAW
+from ..limits import CHANCE
 from .arm_channels import ArmMotions
+from .discovery_limits import LARGEST_LAW
 from .possible_laws import Law
 
 _SIZE = 3.0  # times the torque that is missed: a law's plausible torque

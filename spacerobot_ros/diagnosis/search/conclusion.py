@@ -9,13 +9,14 @@ import numpy as np
 
 from ...estimation.rows import ChannelFit
 from ...estimation.scaling import is_relevant, value_std
+from ...inference.decisive import MISFIT
 from ...inference.validation import HeldOut
 from ...types import Array
 from ..answer.cause import Cause, Estimated, Evidence, Rival
 from ..answer.residuals import residuals, series
 from ..answer.result import Covariance, Diagnosis, Gain
 from ..answer.words import cause_in_words, verdict_of
-from ..limits import MISFIT, MOST_CAUSES
+from ..limits import MOST_CAUSES
 from .doubts import doubts
 from .found import Found
 

@@ -11,10 +11,10 @@ import numpy as np
 from ...effects.effect import Key
 from ...estimation.fit import Fit
 from ...estimation.refit import refine
+from ...inference.decisive import MISFIT
 from ...inference.hypotheses import Hypotheses
 from ...inference.inferred import Inferred, InferredCause
 from ...types import Array
-from ..limits import MISFIT
 from .linear_rows import LinearRows, variant_of
 
 

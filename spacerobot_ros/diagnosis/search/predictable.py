@@ -12,9 +12,10 @@ from ...estimation.fit import Fit
 from ...estimation.refit import refine
 from ...estimation.runs import Run
 from ...estimation.trajectory.reference import NoiseLevels
+from ...inference.decisive import MISFIT
 from ...recording.record import Record
 from ..arms.arm_found import ArmFound
-from ..limits import LIKE_NOISE, MISFIT
+from ..limits import LIKE_NOISE
 from .linear_rows import CandidateColumns, LinearRows
 from .timing import log_odds_of, timings
 

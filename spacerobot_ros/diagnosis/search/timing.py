@@ -12,8 +12,10 @@ from __future__ import annotations
 
 from ...estimation.filters.measured_torque import TIMINGS
 from ...estimation.fit import Fit
-from ..limits import HELD
 
+_HELD = -10.0
+"""Log odds of efforts that are held between stamps, against samples of a smooth torque: where
+noise hides how they act, means of two samples miss by some nats less, whatever is right."""
 _IN_WORDS = {
     'held_before': 'efforts act over the interval that ends at their stamp (held torque)',
     'held_after': 'efforts act over the interval that begins at their stamp (held torque)',
@@ -31,7 +33,7 @@ def timings(fit: Fit) -> tuple[str, ...]:
 
 def log_odds_of(timing: str) -> float:
     """Prior log odds of a timing."""
-    return 0.0 if timing == 'sampled' else HELD
+    return 0.0 if timing == 'sampled' else _HELD
 
 
 def in_words(timing: str) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Every number that decides stands in one table, with its reason."""
+"""Every number that decides stands in one table a room, with its reason."""
 
 from __future__ import annotations
 
@@ -7,12 +7,19 @@ from pathlib import Path
 
 import pytest
 
-import spacerobot_ros.inference
+import spacerobot_ros
 
-ROOM = Path(spacerobot_ros.inference.__file__).parent
-TABLE = ROOM / 'decisive.py'
+PACKAGE = Path(spacerobot_ros.__file__).parent
+TABLES = [PACKAGE / 'inference' / 'decisive.py', PACKAGE / 'diagnosis' / 'limits.py']
+OWN = ('discovery', 'events', 'lone_bodies')  # rooms that are not on the one engine yet
+MOST = 40
 PLAIN = {0, 1, 2, 0.5}
-MODULES = sorted(path for path in ROOM.glob('*.py') if path != TABLE)
+MODULES = sorted(
+    path
+    for room in ('inference', 'diagnosis')
+    for path in (PACKAGE / room).rglob('*.py')
+    if path not in TABLES and path.parent.name not in OWN and not path.name.startswith('pieces')
+)
 
 
 def numbers(node: ast.AST) -> list[float]:
@@ -40,7 +47,7 @@ def deciding(tree: ast.AST) -> list[tuple[int, float]]:
     return out
 
 
-@pytest.mark.parametrize('path', MODULES, ids=lambda path: path.name)
+@pytest.mark.parametrize('path', MODULES, ids=lambda path: path.relative_to(PACKAGE).as_posix())
 def test_no_other_literal_decides(path):
     assert not deciding(ast.parse(path.read_text(encoding='utf-8')))
 
@@ -52,12 +59,16 @@ def test_the_test_sees_literals(text):
     assert deciding(ast.parse(text))
 
 
-def test_every_number_of_the_table_has_its_reason():
-    body = ast.parse(TABLE.read_text(encoding='utf-8')).body
-    numbers_at = [k for k, node in enumerate(body) if isinstance(node, ast.Assign)]
-    assert 10 < len(numbers_at) <= 20
-    for k in numbers_at:
-        reason = body[k + 1]
-        assert isinstance(reason, ast.Expr)
-        assert isinstance(reason.value, ast.Constant)
-        assert len(reason.value.value) > 40
+def test_every_number_of_the_tables_has_its_reason():
+    count = 0
+    for table in TABLES:
+        body = ast.parse(table.read_text(encoding='utf-8')).body
+        for k, node in enumerate(body):
+            if isinstance(node, ast.Assign):
+                reason = body[k + 1]
+                assert isinstance(reason, ast.Expr)
+                assert isinstance(reason.value, ast.Constant)
+                assert len(reason.value.value) > 40
+                target = node.targets[0]
+                count += len(target.elts) if isinstance(target, ast.Tuple) else 1
+    assert 20 < count <= MOST
