@@ -39,7 +39,7 @@ from .pieces import diagnose_pieces, pieces_of
 from .search.conclusion import conclude
 from .search.found import Found
 from .search.predictable import is_predictable
-from .search.search import Search
+from .search.search import RelinearizedSearch
 from .search.timing import in_words
 
 _BALANCED = (
@@ -193,7 +193,7 @@ def _cost(fit: Fit) -> float:
 def _causes_of(
     run: Run, kinds: Sequence[type[Effect]], report: Callable[[str, float], None]
 ) -> Found:
-    return Search(run, kinds, report).find()
+    return RelinearizedSearch(run, kinds, report).find()
 
 
 def _concluded(
@@ -247,7 +247,7 @@ def _in_flight(
     for a step, and where none do a step may hide them, as no part of the record agrees with the
     others: then steps come first, and causes without their times, and what explains more is kept.
     """
-    found = Search(run, kinds, report).find()
+    found = RelinearizedSearch(run, kinds, report).find()
     run = found.null.run
     report('looking for events', 0.7)
     if found.is_good and found.gain > UNLIKE_STEPS:

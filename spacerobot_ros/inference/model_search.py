@@ -17,7 +17,7 @@ import numpy as np
 from ..types import Array, IntArray
 from .decisive import BOUNDED, FOLLOWED, RISE, UPDATES
 from .hypotheses import Hypotheses
-from .marginal import Marginal
+from .marginal import Marginal, SingleBounds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,7 +157,9 @@ def _best(hypotheses: Hypotheses, now: ChosenSet, moves: Sequence[_Move]) -> Cho
     if not moves:
         return None
     lost = hypotheses.evidence(now.marginal, now.chosen) - now.marginal.log_density
-    gains = _gains(hypotheses, now, moves) - lost  # at most: all that bounds cost is won back
+    gains = (
+        _gains(hypotheses, now, moves, RISE + lost) - lost
+    )  # at most: all that bounds cost is won back
     best, most = None, RISE
     for k in np.argsort(-gains, kind='stable')[:BOUNDED].tolist():
         if gains[k] <= most:
@@ -168,18 +170,35 @@ def _best(hypotheses: Hypotheses, now: ChosenSet, moves: Sequence[_Move]) -> Cho
     return None if best is None else _after(hypotheses, now, best)
 
 
-def _gains(hypotheses: Hypotheses, now: ChosenSet, moves: Sequence[_Move]) -> Array:
-    """(m,) by which the objective grows with each move at most, as bounds may cost more."""
-    by_size = defaultdict[int, list[int]](list)
+def _gains(
+    hypotheses: Hypotheses, now: ChosenSet, moves: Sequence[_Move], least: float = -math.inf
+) -> Array:
+    """(m,) by which the objective grows with each move at most, as bounds may cost more.
+
+    Bounds of single coefficients are counted where a move gains more than `least` without them.
+    """
+    odds = np.array([hypotheses.prior(m.came) - hypotheses.prior(m.gone) for m in moves])
+    out = odds + _evidence(now, [hypotheses.exchange(m.came, m.gone) for m in moves])
     kept = [i for i in hypotheses.constrained(now.chosen) if len(hypotheses.bases[i]) == 1]
-    pairs = [_beside(hypotheses, m, kept) for m in moves]
-    for k, (columns, _) in enumerate(pairs):
+    some = np.flatnonzero(out > least)
+    pairs = [_beside(hypotheses, moves[k], kept) for k in some.tolist()]
+    out[some] = odds[some] + _evidence(now, pairs, hypotheses.single_bounds)
+    return out
+
+
+def _evidence(
+    now: ChosenSet,
+    exchanges: Sequence[tuple[IntArray, Array]],
+    bounds: SingleBounds | None = None,
+) -> Array:
+    """(m,) by which the log density grows with each exchange of priors."""
+    by_size = defaultdict[int, list[int]](list)
+    for k, (columns, _) in enumerate(exchanges):
         by_size[len(columns)].append(k)
-    out = np.array([hypotheses.prior(m.came) - hypotheses.prior(m.gone) for m in moves])
+    out = np.zeros(len(exchanges))
     for which in by_size.values():
-        columns = np.array([pairs[k][0] for k in which])
-        change = np.array([pairs[k][1] for k in which])
-        out[which] += now.marginal.gains(columns, change, hypotheses.single_bounds)
+        columns, change = (np.array([exchanges[k][i] for k in which]) for i in (0, 1))
+        out[which] = now.marginal.gains(columns, change, bounds)
     return out
 
 

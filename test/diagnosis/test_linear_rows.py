@@ -7,7 +7,7 @@ import pytest
 
 from spacerobot_ros.diagnosis.search.conclusion import conclude
 from spacerobot_ros.diagnosis.search.linear_rows import CandidateColumns, LinearRows, variant_of
-from spacerobot_ros.diagnosis.search.search import Search
+from spacerobot_ros.diagnosis.search.search import RelinearizedSearch
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
 from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.noise_levels import noise_levels
@@ -71,7 +71,7 @@ def test_a_candidate_for_a_body_is_added_to_the_file_s(run, null):
 
 
 def test_one_hidden_cause_is_found_with_its_value(run):
-    found = Search(run, KINDS, lambda what, share: None).find()
+    found = RelinearizedSearch(run, KINDS, lambda what, share: None).find()
     (cause,) = found.fit.causes
     assert cause.key == (FRICTION, 'joint_2')
     assert abs(cause['coefficient'] - TRUTH) < 4.0 * found.deviations[0]
@@ -81,7 +81,7 @@ def test_one_hidden_cause_is_found_with_its_value(run):
 
 
 def test_without_candidates_nothing_is_found(run):
-    found = Search(run, [], lambda what, share: None).find()
+    found = RelinearizedSearch(run, [], lambda what, share: None).find()
     assert found.fit.causes == ()
     assert found.gain == 0.0
     said = conclude(found, ('note',))
@@ -91,7 +91,7 @@ def test_without_candidates_nothing_is_found(run):
 
 def test_what_is_said_of_one_cause(run):
     """Errors by the noise, with the values of other parts: one, where nothing is left."""
-    found = Search(run, KINDS, lambda what, share: None).find()
+    found = RelinearizedSearch(run, KINDS, lambda what, share: None).find()
     said = conclude(found, ())
     assert said.verdict == 'explained', said.sentence
     assert said.gain.before > 1.2

@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip('mujoco')
 
 from spacerobot_ros.diagnosis.diagnose import diagnose
-from spacerobot_ros.diagnosis.search.search import Search
+from spacerobot_ros.diagnosis.search.search import RelinearizedSearch
 from spacerobot_ros.diagnosis.search.timing import in_words
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.robot_file import load_robot_file
@@ -41,7 +41,7 @@ def flown(folder, robot, seed, *effects, control='held', effort_mean=True, effor
 def search_of(record, robot, timing='sampled'):
     noise, _ = noise_levels(robot.sensors, record)
     run = Run(observed(record, robot), robot, (), noise, timing)
-    return Search(run, list(CATALOGUE.values()), lambda what, share: None)
+    return RelinearizedSearch(run, list(CATALOGUE.values()), lambda what, share: None)
 
 
 def searched(record, robot, timing):

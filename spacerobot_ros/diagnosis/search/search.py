@@ -72,7 +72,7 @@ class _Attempt(NamedTuple):
     gap: float
 
 
-class Search:
+class RelinearizedSearch:
     """Causes of one run.
 
     Args:
@@ -127,7 +127,7 @@ class Search:
         first = self._first(wanted)
         tried = self._fitted(first, wanted.mean, wanted.timing)
         new = [h for h in first if variant_of(h).key not in held]
-        if new:
+        if new and tried.gap < (1.0 - CURVED) * self._promised(first, wanted.timing):
             other = self._wanted(new[0])
             instead = self._first(other)
             if self._promised(instead, other.timing) > max(tried.gap, RISE):
