@@ -24,8 +24,9 @@ from .channel_laws import (
     leftover_without,
 )
 from .discovery_limits import CHANCE, FED_IN, MARGIN
-from .fitted_laws import LawCandidate, applied_law, candidate_of, with_laws
+from .fitted_laws import SAME, LawCandidate, applied_law, candidate_of, with_laws
 from .law_search import Winner, worth
+from .possible_laws import Law
 
 _AGREE = 3.0  # standard deviations
 
@@ -87,16 +88,24 @@ def _laws_of_joint(
     kept = tuple(i for i in chosen if i not in instead)
     other, laws, left = _in_likeliest_noise(JointChannel(motions, j, kept), chance)
     before, after = [it.law for it in held], [it.law for it in laws]
+    others = [k for k in range(motions.rows.robot.n_joints) if k != j]
+    elsewhere = [k for k in others if _acting(motions, instead, k)]
+    if not laws or (not elsewhere and _are_of(other, after, instead)):
+        return channel, held, rest, ()
     beyond = worth(other, after) - worth(replace(other, loud=channel.loud), before, instead)
-    beyond += sum(
-        _without(motions, k, kept, instead)
-        for k in range(motions.rows.robot.n_joints)
-        if k != j and _acting(motions, instead, k)
-    )
+    beyond += sum(_without(motions, k, kept, instead) for k in elsewhere)
     usual, every = fit.hypotheses.usual, fit.hypotheses.every
     beyond += usual * (len(after) - len(before))
     beyond -= sum(usual + every[i].log_odds for i in instead)
-    return (other, laws, left, instead) if laws and beyond > MARGIN else (channel, held, rest, ())
+    return (other, laws, left, instead) if beyond > MARGIN else (channel, held, rest, ())
+
+
+def _are_of(channel: JointChannel, laws: Sequence[Law], causes: Sequence[int]) -> bool:
+    """Whether laws are what causes are, by other names."""
+    columns = channel.of_causes(causes), np.concatenate(channel.columns(laws), axis=1)
+    theirs, own = (channel.terms.beside_offset(some) for some in columns)
+    left = own - theirs @ np.linalg.lstsq(theirs, own)[0]
+    return bool(np.all(np.sum(left**2, axis=0) <= SAME * np.sum(own**2, axis=0)))
 
 
 def _acting(motions: ArmMotions, causes: Iterable[int], j: int) -> list[int]:

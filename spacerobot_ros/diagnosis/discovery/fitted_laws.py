@@ -25,7 +25,7 @@ from .possible_laws import Law
 
 _SIZE = 3.0  # times the torque that is missed: a law's plausible torque
 _HELD = 1e-6  # of a size: what stays at nothing however sharp the data are
-_SAME = 1e-6
+SAME = 1e-6
 """Of a term's square that causes leave where it is one of theirs: rounding leaves 1e-30 of a sign
 beside dry friction, Dahl's friction 4e-3 beside one of another displacement, which is more."""
 
@@ -155,7 +155,7 @@ def _is_of(rows: ArmRows, i: int, causes: Sequence[int]) -> BoolArray:
     theirs = columns[:, [int(k) for c in every for k in rows.places[c]]]
     theirs = theirs / np.maximum(np.linalg.norm(theirs, axis=0), 1e-300)
     left = law - theirs @ np.linalg.lstsq(theirs, law, rcond=1e-9)[0]
-    return np.asarray(np.sum(left**2, axis=0) < _SAME * np.sum(law**2, axis=0))
+    return np.asarray(np.sum(left**2, axis=0) < SAME * np.sum(law**2, axis=0))
 
 
 def _refined(rows: ArmRows, causes: Sequence[int]) -> list[int]:

@@ -10,7 +10,7 @@ its largest new cause promises more than a fit has given, both are fitted.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, cast
@@ -25,10 +25,10 @@ from ...formats import counted
 from ...inference.decisive import CONFOUNDED, FAMILYWISE, RISE
 from ...inference.hypotheses import Hypotheses
 from ...inference.hypothesis import Hypothesis
-from ...inference.inferred import Inferred, infer
+from ...inference.inferred import Inferred, InferredCause, infer
 from ...inference.model_search import ChosenSet, best_set
 from ...types import Array
-from ..limits import AHEAD, AT_ONCE, CURVED, FITS, MOST_CAUSES
+from ..limits import AHEAD, AT_ONCE, CLEAR, CURVED, FITS, MOST_CAUSES
 from .found import Found
 from .linear_rows import CandidateColumns, LinearRows, Variant, variant_of
 from .timing import log_odds_of, timings
@@ -213,23 +213,23 @@ class RelinearizedSearch:
             is_forced = is_less or bool(held & excluded)
             self._tries(causes, inferred.mean, now.run.timing, is_forced=is_forced)
             return True
-        for cause in inferred.causes:
-            other = cause.alternatives[0]
-            if other.causes and CONFOUNDED <= other.log_odds < CURVED * float(np.sum(cause.gains)):
-                rest = [h for h in causes if h.key != cause.key]
-                instead = [every[cast(Variant, key)] for key in other.causes]
-                if any(variant_of(h).key in self._beaten for h in instead):
-                    continue
-                hyp = self._hypotheses()
-                number = {h.key: i for i, h in enumerate(hyp.every)}
-                chosen = ChosenSet.of(hyp, [number[h.key] for h in (*rest, *instead)])
-                mean = hyp.mean(chosen.marginal, chosen.chosen)
-                if (
-                    self._tries([*rest, *instead], mean, now.run.timing)
-                    and self._now.fit is not now
-                ):
-                    return True
-        return False
+        return any(
+            self._moves_to([h for h in causes if h.key != cause.key], [every[k] for k in instead])
+            for cause in inferred.causes
+            for instead in _doubtful(cause)
+        )
+
+    def _moves_to(self, rest: list[Hypothesis], instead: list[Hypothesis]) -> bool:
+        """Whether some causes with others in the place of one are a better fit."""
+        now = self._now.fit
+        if any(variant_of(h).key in self._beaten for h in instead):
+            return False
+        hypotheses = self._hypotheses()
+        number = {h.key: i for i, h in enumerate(hypotheses.every)}
+        chosen = ChosenSet.of(hypotheses, [number[h.key] for h in (*rest, *instead)])
+        mean = hypotheses.mean(chosen.marginal, chosen.chosen)
+        self._tries([*rest, *instead], mean, now.run.timing)
+        return self._now.fit is not now
 
     def _tries(
         self, causes: Sequence[Hypothesis], mean: Array, timing: str, *, is_forced: bool = False
@@ -303,6 +303,20 @@ class RelinearizedSearch:
             for one in gone if gap < CONFOUNDED else ():
                 out.get(one, {})[key] = gap
         return out
+
+
+def _doubtful(cause: InferredCause) -> Iterator[list[Variant]]:
+    """What may be a better fit in the place of a cause than its columns say.
+
+    What they have near is; and, where a value is so large that columns need not hold back to
+    none, nothing.
+    """
+    other = cause.alternatives[0]
+    if other.log_odds < CURVED * float(np.sum(cause.gains)):
+        if other.causes and other.log_odds >= CONFOUNDED:
+            yield [cast(Variant, key) for key in other.causes]
+        if cause.slabs > CLEAR:
+            yield []
 
 
 def _set_of(fit: Fit) -> tuple[frozenset[Key], str]:
