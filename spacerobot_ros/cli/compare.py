@@ -13,12 +13,14 @@ writes: DIR/comparison.json      what changed, and what change would have been s
 verdicts: unchanged   nothing changed by more than a machine that nobody touched does; joints at
                       which too much is left to tell are said
           changed     with what, where and by how much
+          changed, cause not identified
+                      more is left at a joint than before, and no known cause explains it
 
 examples:
   spacerobot compare empty.csv loaded.csv --map arm_columns.yaml --robot arm.yaml --out out/load
   spacerobot compare monday.csv friday.csv --before tuesday.csv --robot arm.yaml --out out/week
 
-exit status: 0 unchanged, 1 changed, 2 unusable input
+exit status: 0 unchanged, 1 changed (either way), 2 unusable input
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from ..model.settings import Settings
 from ..types import Array
 from .adaptive.controller import AdaptiveController
 from .adaptive.law_signals import AdaptiveSettings, Measured, Target
-from .adaptive.prior import Learned
+from .adaptive.parameter_prior import Learned
 from .command import NS, Feedback, Torque
 from .computed_torque import (
     ComputedTorque,

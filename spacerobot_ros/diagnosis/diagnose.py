@@ -12,12 +12,12 @@ from ..effects.equivalents import unasked
 from ..estimation.balance.arm_rows import ArmRows
 from ..estimation.balance.balance import Balance, balance_of
 from ..estimation.balance.motor_constants import as_recorded
-from ..estimation.filters.measured_torque import TIMINGS
 from ..estimation.fit import Fit
 from ..estimation.noise_levels import noise_levels
 from ..estimation.runs import Run
 from ..estimation.trajectory.observations import observed, refuse_unbalanced
 from ..identification.outliers import screened
+from ..inference.decisive import MISFIT
 from ..model.robot import Robot
 from ..recording.faults.data_faults import check_data
 from ..recording.record import Record
@@ -31,7 +31,7 @@ from .discovery.other_recording import unmeasured_inputs, unshared_extras
 from .events.arm_events import arm_events
 from .events.event import Event, Events, PossibleEvent
 from .events.impulses import impulse_events, large_steps, spans_of, steps_beside_usual
-from .limits import MISFIT, MOST
+from .limits import UNLIKE_STEPS
 from .lone_bodies.spinning import diagnose_spin, is_spinning
 from .lone_bodies.thrust import diagnose_thrust, has_pose_and_thrust
 from .orders.orders import find_orders, wheel_orders
@@ -39,8 +39,8 @@ from .pieces import diagnose_pieces, pieces_of
 from .search.conclusion import conclude
 from .search.found import Found
 from .search.predictable import is_predictable
-from .search.search import Search
-from .search.timing import first_timing, held_after_all, in_words, simpler_timing
+from .search.search import RelinearizedSearch
+from .search.timing import in_words
 
 _BALANCED = (
     'the robot file states no joint_effort_std, and more is left of the torques than noise of '
@@ -125,11 +125,9 @@ def _diagnosed(
         is_whole = is_whole and not robot.without_constant
         if not (is_whole and is_predictable(found, noise, kinds)):
             return _balanced(found, notes, report)
-    report('finding how efforts act', 0.02)
     record, left_out = screened(measured[0], noise)
     notes = (*notes, *left_out)
-    timing = first_timing(record, robot, believed, noise, kinds)
-    run = Run(record, robot, believed, noise, timing)
+    run = Run(record, robot, believed, noise)
     answer = _predicted(run, balances, kinds, notes, report)
     if found is None or answer.verdict in ('consistent', 'explained'):
         return answer
@@ -181,12 +179,6 @@ def _lacks_efforts(record: Record) -> bool:
     return record.joints is not None and bool(record.joints.without_effort)
 
 
-def _one_takes_most(fit: Fit, kinds: Sequence[type[Effect]], left: float) -> bool:
-    """Whether one more cause may take most of a misfit."""
-    judged = Search(fit.run, kinds, lambda what, share: None).judge(fit)
-    return any(it.score.gain > MOST * left for it in judged)
-
-
 def _with(fit: Fit, events: Sequence[Event | PossibleEvent]) -> Fit:
     """Causes and events along a whole record."""
     applied = (e for event in events for e in event.applied)
@@ -198,23 +190,10 @@ def _cost(fit: Fit) -> float:
     return fit.misfit + len(fit.free) * math.log(len(fit.data))
 
 
-def _searched(
+def _causes_of(
     run: Run, kinds: Sequence[type[Effect]], report: Callable[[str, float], None]
 ) -> Found:
-    """What rows by prediction want; a search of another timing has a budget of its own."""
-
-    def timed(timing: str) -> Found:
-        return Search(run.without(run.left_out).timed(timing), kinds, report, TIMINGS).find()
-
-    found = Search(run, kinds, report).find()
-    if held := held_after_all(found.fit):
-        found = timed(held)
-    if simpler := simpler_timing(found.sound):
-        other = timed(simpler)
-        fits = (other.sound.rows.whiteness()[0] or 0.0) >= MISFIT
-        if fits and len(other.sound.causes) < len(found.sound.causes):
-            return other
-    return found
+    return RelinearizedSearch(run, kinds, report).find()
 
 
 def _concluded(
@@ -251,10 +230,10 @@ def _predicted(
     report('looking for events', 0.05)
     if balances:
         events = arm_events(balances, ArmRows.of(balances, kinds))
-        found = _searched(run.without(events.left_out[0]), kinds, report)
+        found = _causes_of(run.without(events.left_out[0]), kinds, report)
         return with_events(_concluded(found, notes, report), events.events)
     if not run.robot.is_free:
-        return _concluded(_searched(run, kinds, report), notes, report)
+        return _concluded(_causes_of(run, kinds, report), notes, report)
     found, steps = _in_flight(run, kinds, report)
     return with_events(_concluded(found, notes, report), steps)
 
@@ -264,27 +243,44 @@ def _in_flight(
 ) -> tuple[Found, Events]:
     """Causes of a free base, and steps of its momentum.
 
-    Where more is wrong than is usual, causes are found first and steps beside them. What lasts may
-    make steps as well (clocks that are late, a lone body's inertia, torques from outside): where
-    no step is named, or one cause may take most of what steps do, that is searched, too, and steps
-    are kept where they explain more. A large step may hide all causes, as no part of the record
-    agrees with the others: where nothing fits, its times are left out of a second search.
+    Where causes explain the record, steps are looked for beside them. Small ones that do may stand
+    for a step, and where none do a step may hide them, as no part of the record agrees with the
+    others: then steps come first, and causes without their times, and what explains more is kept.
     """
+    found = RelinearizedSearch(run, kinds, report).find()
+    run = found.null.run
+    report('looking for events', 0.7)
+    if found.is_good and found.gain > UNLIKE_STEPS:
+        steps, _ = steps_beside_usual(run, found.fit.causes)
+        return _beside(found, steps, run, kinds, report)
     steps, large = steps_beside_usual(run)
-    found = _searched(run.without(spans_of(steps)), kinds, report)
-    if steps.all:
-        without, cost = _with(found.sound, ()), _cost(_with(found.sound, steps.all))
-        if not steps.named or _one_takes_most(without, kinds, _cost(without) - cost):
-            causes = _searched(run, kinds, report)
-            if _cost(_with(causes.sound, ())) < cost:
-                found, steps = causes, Events()
+    if steps.all and not (found.is_good and not steps.named):
+        cost = _cost(_with(found.fit, ()))
+        beside = _causes_of(run.without(spans_of(steps)), kinds, report)
+        if _cost(_with(beside.fit, steps.all)) <= cost:
+            found = beside
+        else:
+            steps = Events()
     if not steps.is_judged:
-        steps = impulse_events(found.sound)
+        steps = impulse_events(found.fit)
         if steps.named:
-            return _searched(run.without(spans_of(steps)), kinds, report), steps
+            return _beside(found, steps, run, kinds, report)
     if steps.is_judged or not (large := (*large, *large_steps(found.fit))):
         return found, steps
-    causes = _searched(run.without(large), kinds, report)
-    beside = impulse_events(Fit(run, causes.sound.causes))
-    is_better = _cost(_with(causes.sound, beside.all)) < _cost(_with(found.sound, ()))
-    return (causes, beside) if beside.named and is_better else (found, steps)
+    causes = _causes_of(run.without(large), kinds, report)
+    beside_causes = impulse_events(Fit(run, causes.fit.causes))
+    is_better = _cost(_with(causes.fit, beside_causes.all)) < _cost(_with(found.fit, ()))
+    return (causes, beside_causes) if beside_causes.named and is_better else (found, steps)
+
+
+def _beside(
+    found: Found,
+    steps: Events,
+    run: Run,
+    kinds: Sequence[type[Effect]],
+    report: Callable[[str, float], None],
+) -> tuple[Found, Events]:
+    """Causes without the times of steps, where any are named."""
+    if not steps.named:
+        return found, steps
+    return _causes_of(run.without(spans_of(steps)), kinds, report), steps

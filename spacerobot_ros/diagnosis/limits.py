@@ -2,23 +2,13 @@
 
 from __future__ import annotations
 
-MISFIT = 1e-4
-"""Probability below which a model does not fit. A stated error rate: one clean record in 10,000 is
-`unexplained` for nothing; the campaign saw none in 284 (validation/results)."""
-
-INCONSTANT = 1e-4
-"""Probability below which a cause's parameters are not the same all along the record. The same
-error rate as `MISFIT`, for the same reason: a cause that changes is no constant cause."""
+import math
 
 DRIFTING = 1e-2
 """Probability, of a right model, of a fit as bad, or values that drift as much, from which causes
 may stand for another one. A stated error rate: one right answer in 100 is `partly_explained` for
 nothing. It is less sharp than others as only the verdict hangs on it: of 8 and then 3 wrong
 answers, for an effect that was in no catalogue, 5 drift and 2 are below it."""
-
-RESOLVED = 1.0 / 3.0
-"""Of a mode's frequency, its standard deviation from which it may not be a mode: a body that
-nothing holds, at frequency zero, is then within three deviations of it."""
 
 EXACT = 0.05
 """Of what causes do, what their models may be wrong by: columns of effects at ten times their
@@ -34,111 +24,42 @@ wrong explanations have 28 to 343, the campaign's right pairs and triples 272, 1
 effect m times its limit adds 30 m^2: one below 3.6 times, beside one that is 2.3 to 20 times as
 far above its own, is the price."""
 
-FALSE_ALARMS = 1e-3
-"""Expected false names a record, over all candidates and the values that were searched
-(Bonferroni). The campaign saw 1 in 284 clean records, 95 % bound 2 %."""
-
-EQUIVALENT = 6.0
-"""Gap in log evidence within which two causes are not told apart: odds of 400 to 1. `Very strong`
-begins at 150 to 1 (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995)); Laplace's approximation is
-good to about a nat."""
-
-FREEDOM = 3.0
-"""Times `EQUIVALENT` that a cause of more numbers may lose by its freedom alone and stay a rival:
-two numbers more cost up to 2 * ln(1 + rows) / 2, some 10 nats, without fitting any worse."""
-
-SUSPICIOUS = 0.1
-"""Probability of the fit below which effects with states of their own are looked at, too. They
-leave slow errors or spectral lines where they are visible at all, so this costs no name: a tenth
-of all clean records is searched for nothing."""
-
-MOST_CAUSES = 6
-"""Causes of a record of `BUDGETED` seconds whose columns hold for small effects only; more than
-three at once were never told apart in it, so this only ends a search that has gone astray."""
-
-MOST_MODELS = 120
-"""Models of such a record and one timing of its efforts after which nothing new is tried: bounds
-the run time, and is said."""
-
-BUDGETED = 20.0
-"""Seconds of record that these two numbers are meant for. They grow with the square root of a
-longer one's length, as what can be told from its noise does."""
-
-MOST_TURNS = 2
-"""Times `MOST_MODELS` where causes proved unsound and the model does not fit without them: what
-stood in their place has to be chosen, compared and fitted afresh."""
-
-MOST_FALLS = 2
-"""Turns in a row, each of which ends with less evidence than the one before, after which there is
-none: a slow torque of the base that follows the attitude had five, each cause in the place of the
-last as unsound and telling less, and none was named."""
-
-OBVIOUS = 0.1
-"""Share of the largest cause's evidence from which another one is taken together with it, before
-either is fitted: twice what columns of effects at ten times their limit are wrong by."""
-
-OWN_SHARE = 0.5
-"""Of a cause's evidence that has to be left beside another one for both to be taken together: what
-two bodies in a row tell alike belongs to one of them, and only fits say to which."""
-
-MOST = 0.5
-"""Most of a misfit: what one cause must take of what steps of a free base's momentum do, for
-causes to be searched in their place; and what must be removed by that to which unsound causes gave
-way, for it to be named where the record is not explained: a lesser share is what any rival takes.
-"""
-
 CANCELLED = 2.0
 """Squares of what causes change each, by the square of what they change together, from which they
 explain nothing: two of a size undo half of each, at a correlation of -1/2. Of 52 pairs and triples
 as the campaign hides them 3 have more (2.1, 2.7, 8.5), the others at most 1.4; what stood for an
 effect that was in no catalogue had 1.4 to 120 in 5 of 11 records."""
 
-SHORTLIST, CLOSE_SHARE, CLOSE_GAP = 4, 0.9, 25.0
-"""Who is fitted as it really is beside the best: at most so many, with this share of its evidence
-or within this many nats. Columns and fits of effects at ten times their limit differ by some 5 %
-of the evidence; the number bounds the run time."""
+SUSPICIOUS = 0.1
+"""Probability of the fit below which effects with states of their own are looked at, too. They
+leave slow errors or spectral lines where they are visible at all, so this costs no name: a tenth
+of all clean records is searched for nothing."""
 
-ALIKE_SHARE, MOST_ALIKE = 0.5, 2
-"""The same effect elsewhere that is fitted, too: neighbouring links share their columns, so that
-half the evidence may belong to the other place."""
+MOST_CAUSES = 12
+"""Causes of a record whose columns hold for small effects only: bounds the run time where nothing
+fits, and is said. More than three at once were never told apart in 20 s."""
 
-FAMILYWISE = 3.0
-"""Nats of log evidence beyond ln of the number of hypotheses: exp(-3) = 5 % of all records with a
-false name, were the level of what is left right and nothing else asked; the parts of the data that
-must be predicted leave fewer (docs/real_machines.md has the share)."""
+UNLIKE_STEPS = 100.0
+"""Nats of causes that leave nothing which no step of the momentum can be: it shows for some four
+seconds, and what lasts leaves a few of its nats there at least, where `MISFIT` is 9."""
 
-SPECIAL = {
-    'joint_torque_ripple': 3.0,
-    'joint_stiffness': 2.0,
-    'inertial_parameters': 1.0,
-    'joint_coupled_friction': 5.0,
-}
-"""Nats beyond that for what a smooth leftover that nobody knows looks like most."""
+CURVED = 0.1
+"""Share of what a cause adds by which columns may be wrong about it: twice what those of effects
+at ten times their limit are. Causes of a lesser share than that are fitted later, and a set that
+does worse by less than that is fitted."""
 
-SIMPLER_MARGIN = 0.9
-"""Share of the best margin that is enough for a cause of fewer numbers at the same place: the
-evidence of finer shapes is overstated by what is left beside them."""
+AT_ONCE, AHEAD = 4, 8
+"""Causes that are fitted before columns are made anew, and that columns may want beyond a fit's,
+to see them beside each other: both bound the run time of a model that is far off."""
 
-MOST_PRUNED = 2
-"""Times that a cause may be chosen and found superfluous before it is left out for good: two that
-take turns would do so for ever."""
-
-HELD_OUT = 3.0
-"""Nats by which a cause must help to predict what it was not fitted to: odds of 20."""
+FITS = 0.05
+"""Probability of a fit from which a timing of the efforts asks for no cause beside it: for one
+right model in twenty every timing is compared with a cause beside it, which costs time alone."""
 
 LIKE_NOISE = 3.0
 """Times what sensor noise leaves of a torque in the band that may be left for a search to the
 noise of the sensors to be tried: what a mass matrix at other angles, and a noise level that is
 itself estimated, may be off by. On measured arms 10 to 100 times are left."""
-
-OTHERS = 0.1
-"""Share of what a cause gains in its best part of the data that the next one must gain: what a
-tenth of the information predicts has three times the standard deviation. What is in one part alone
-is no machine's: a blip of a logger's clock passed for a rotor inertia."""
-
-TELLING = 0.01
-"""Share of what all recordings say of a cause from which one says something: a prediction from a
-hundredth of the information has ten times the standard deviation, and tests nothing."""
 
 FEWEST_ROWS, ENOUGH_ROWS = 0.75, 3.0
 """Torques of an arm by numbers that may be wrong: fewer are refused, so many are asked for. Of
@@ -160,16 +81,17 @@ CLEAR = 2.0
 """Standard deviations that one coefficient of a law which is said, not applied, must be from
 nothing: odds of 20."""
 
-CHANCE = 0.0455
+CHANCE = math.erfc(CLEAR / math.sqrt(2.0))
 """Probability, of a cause's numbers together and with their deviations as printed, from which it
 is no chance: two deviations of one number. With evidence beside it, odds of 20 are enough."""
 
-ALIKE = 6.0
-"""Numbers that the usual scatter of all causes counts for beside a cause's own. Of 104 causes of
-four recordings (KUKA, UR10e) ratios of scatter are those of F with 12 numbers, 6 to 20 within a
-nat of it: causes of one machine are about as constant as each other, and two parts alone say
-little."""
+DIFFERENT = 2.0
+"""Times what is left of a joint's torque in the worst block of the recordings before, from which
+what is left of all recordings afterwards is another machine's. Of 220 joints of pairs of which
+nothing was changed at that joint (KUKA, UR10e, XL330, `RealArm`) the most is 1.5."""
 
-LARGEST_LAW = 1.49
-"""Of its largest torque in the data, what a learned law may ever give: 1.5 is promised, and the
-motion of the data is known to its noise (1.5002 times was seen at 1.5, `reproduce discovery`)."""
+LINE = 0.5
+"""Share of a cause's evidence at the level beside it from which what is left is of the family of
+levels there. A swing of one frequency is a line itself, whose bin would hide any cause in it;
+beside its causes nothing is left there (2 to 50 times the evidence). Of what went with lines
+of noise at most 0.2 was left."""

@@ -13,7 +13,7 @@ from ..effects.effect import Effect
 from ..errors import RecordingError
 from ..recording.record import Record
 from .answer.result import Diagnosis, Series
-from .limits import BUDGETED, SUSPICIOUS
+from .limits import SUSPICIOUS
 from .pieces_conclusion import combined
 
 _PER_SAMPLE = 2500.0
@@ -23,6 +23,7 @@ MOST_MEMORY = 4e9  # bytes; a record that needs more is taken in pieces
 PIECE_MEMORY = 7e8
 """Of each, so that all of it stays below 2 GB: of two hours of seven joints the record alone, and
 what is loaded, are 0.8 GB, and a piece may need 0.9."""
+_LEAST = 20.0  # s that tell enough: no piece is shorter
 _SHOWN = 20_000  # samples of a channel that plots keep
 
 
@@ -33,7 +34,7 @@ Judge = Callable[[Record, Sequence[type[Effect]]], Diagnosis]
 def pieces_of(record: Record) -> list[Record]:
     """A record in parts of equal length; itself where that fits into memory.
 
-    None is shorter than `BUDGETED`, which would tell too little.
+    None is shorter than `_LEAST`, which would tell too little.
     """
     if record.joints is None:
         return [record]
@@ -41,7 +42,7 @@ def pieces_of(record: Record) -> list[Record]:
     if need <= MOST_MEMORY:
         return [record]
     start, end = record.span
-    count = max(1, min(math.ceil(need / PIECE_MEMORY), math.floor((end - start) / BUDGETED)))
+    count = max(1, min(math.ceil(need / PIECE_MEMORY), math.floor((end - start) / _LEAST)))
     if count == 1:
         return [record]
     edges = np.linspace(start, end, count + 1)

@@ -23,12 +23,13 @@ from scipy.special import bdtrc
 from ..effects.effect import Key
 from ..estimation.inference.evidence import chi_square_tail
 from ..formats import counted
+from ..inference.decisive import MISFIT
 from ..types import Array
-from .answer.cause import Cause, Estimated, Evidence, Ranked, Rival
+from .answer.cause import Cause, Estimated, Evidence, Rival
 from .answer.result import Diagnosis, Gain, RecordingMisfit, Residual, Series
 from .answer.words import cause_in_words, verdict_of
 from .events.event import Events
-from .limits import FALSE_ALARMS, MISFIT
+from .events.event_limits import FALSE_ALARMS
 
 _GOOD = ('consistent', 'explained')
 
@@ -68,7 +69,6 @@ def combined(
         residuals=tuple(map(_residual, _common(answers, 'residuals'))),
         series=tuple(map(_joined, _common(answers, 'series'))),
         gain=_gain([answer.gain for answer in answers]),
-        ranking=_ranking(answers),
         fit_p=_smallest([answer.fit_p for answer in answers]),
         null_p=_smallest([answer.null_p for answer in answers]),
         notes=(*notes, *where, *others),
@@ -120,7 +120,7 @@ def _by_count(causes: Iterable[Cause]) -> list[Key]:
     for cause in causes:
         key = cause.applied.key
         count[key] = count.get(key, 0) + 1
-        gain[key] = gain.get(key, 0.0) + float(np.nan_to_num(cause.evidence.bic_gain))
+        gain[key] = gain.get(key, 0.0) + float(np.nan_to_num(cause.evidence.elpd_gain))
     return sorted(count, key=lambda key: (-count[key], -gain[key], str(key)))
 
 
@@ -182,11 +182,9 @@ def _weights(stds: Array) -> Array:
 def _evidence(each: Sequence[Evidence]) -> Evidence:
     """Of pieces that do not know of each other."""
     return Evidence(
-        log_likelihood_gain=sum(e.log_likelihood_gain for e in each),
-        bic_gain=sum(e.bic_gain for e in each),
-        p_value=_least(e.p_value for e in each),
         held_out_gain=float(np.mean([e.held_out_gain for e in each])),
-        placebo_gain=float(np.max([e.placebo_gain for e in each])),
+        log_odds=sum(e.log_odds for e in each),
+        elpd_gain=sum(e.elpd_gain for e in each),
     )
 
 
@@ -195,7 +193,7 @@ def _rivals(same: Sequence[Cause]) -> tuple[Rival, ...]:
     each = [{r.key: r for r in cause.rivals} for cause in same]
     common = [key for key in each[0] if all(key in one for one in each)]
     return tuple(
-        replace(each[0][key], bic_gap=sum(one[key].bic_gap for one in each)) for key in common
+        replace(each[0][key], log_odds=sum(one[key].log_odds for one in each)) for key in common
     )
 
 
@@ -249,25 +247,6 @@ def _gain(gains: Sequence[Gain]) -> Gain:
     placebos = [g.placebo**2 for g in gains if not math.isnan(g.placebo)]
     placebo = float(np.sqrt(np.mean(placebos))) if placebos else math.nan
     return Gain(before=before, after=after, placebo=placebo)
-
-
-def _ranking(answers: Sequence[Diagnosis]) -> tuple[Ranked, ...]:
-    """Candidates of every piece, their evidence added."""
-    found: dict[Key, list[Ranked]] = {}
-    for answer in answers:
-        for ranked in answer.ranking:
-            found.setdefault(ranked.key, []).append(ranked)
-    whole = [same for same in found.values() if len(same) == len(answers)]
-    out = [
-        replace(
-            same[0],
-            evidence=sum(r.evidence for r in same),
-            log_likelihood_gain=sum(r.log_likelihood_gain for r in same),
-            p_value=_least(r.p_value for r in same),
-        )
-        for same in whole
-    ]
-    return tuple(sorted(out, key=lambda ranked: -ranked.evidence))
 
 
 def _misfits(

@@ -29,6 +29,7 @@ from ..types import Array
 from .motion import Motion
 from .own_states import driven_states
 from .parameter import Parameter
+from .prior import Prior, Scale
 
 _HEAVY = 100.0  # kg, of all that moves
 
@@ -191,6 +192,18 @@ class Effect:
             else p
             for p in cls.parameters
         )
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """What its coefficients are on an arm where it is a cause, and where it is none.
+
+        A user's own has its parameters' sizes, and is not there unless it is a cause. None:
+        nothing of it shows in a balance of torques.
+
+        Args:
+            scale: The machine at its place.
+        """
+        return scale.alike(scale.sizes)
 
     @classmethod
     def unit_at(cls, robot: Robot, where: str | None, parameter: Parameter) -> str:

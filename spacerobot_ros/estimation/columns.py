@@ -10,6 +10,7 @@ import numpy as np
 
 from ..effects.effect import Effect, Key
 from ..effects.parameter import Parameter
+from ..effects.prior import Prior
 from ..model.robot import Robot
 from ..types import Array
 from .filters.torque_process import TorqueDriven
@@ -38,7 +39,7 @@ class Candidate:
         trials: Number of variants that were looked at.
         parameters: Those of the effect that this robot's motion tells.
         recordings: See `Effect.recordings`.
-        along: (P,) what one coefficient makes of all linear parameters; None: each has its own.
+        prior: On an arm; its sizes are of that.
     """
 
     kind: type[Effect]
@@ -52,7 +53,7 @@ class Candidate:
     trials: int = 1
     parameters: tuple[Parameter, ...] = ()
     recordings: tuple[int, ...] | None = None
-    along: Array | None = None
+    prior: Prior | None = None
 
     @property
     def key(self) -> Key:
@@ -65,21 +66,11 @@ class Candidate:
         return any(k.id in self.kind.refines or self.kind.id in k.refines for k in kinds)
 
     def contradicts(self, others: Iterable[Effect | Candidate]) -> bool:
-        """Whether it is one of some effects at its place, or can not act there beside one.
-
-        What has all its numbers free takes the place of what had one for all.
-        """
-        others = [other for other in others if not self.is_wider_than(other)]
+        """Whether it is one of some effects at its place, or can not act there beside one."""
         return any(
             kind is self.kind or kind.id in self.kind.excludes or self.kind.id in kind.excludes
             for kind in self._kinds_here(others)
         )
-
-    def is_wider_than(self, other: Effect | Candidate) -> bool:
-        """Whether another one is the same effect there, with one number for all of it."""
-        if not isinstance(other, Candidate) or self.along is not None or other.along is None:
-            return False
-        return (other.key, other.recordings) == (self.key, self.recordings)
 
     def _kinds_here(self, others: Iterable[Effect | Candidate]) -> list[type[Effect]]:
         return [
@@ -97,8 +88,6 @@ class Candidate:
     def values(self, coefficients: Array) -> dict[str, float]:
         """Parameter values that coefficients (K,) stand for."""
         values = {**self.kind.nominal(), **self.variant}
-        if self.along is not None:
-            coefficients = float(coefficients[0]) * self.along
         used = 0
         for parameter, phase in _linear_parameters(self.parameters):
             first = float(coefficients[used])
@@ -112,17 +101,9 @@ class Candidate:
             used += 1 if phase is None else 2
         return values
 
-    def all_along(self, along: Array, size: float, least: float, step: float) -> Candidate:
-        """The same with one coefficient of a size, at least `least`, for all parameters (P,)."""
-        one = replace(
-            self,
-            steps=np.array([step]),
-            sizes=np.array([size]),
-            lower=np.array([least]),
-            upper=np.array([math.inf]),
-            along=along,
-        )
-        return replace(one, directions=(one.values(one.steps),))
+    def with_prior(self, prior: Prior) -> Candidate:
+        """The same with a prior."""
+        return replace(self, prior=prior, sizes=prior.sizes)
 
     def applied(self, values: Mapping[str, float]) -> Effect:
         """The effect with given values."""

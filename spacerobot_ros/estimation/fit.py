@@ -16,7 +16,6 @@ from ..types import Array, IntArray
 from .columns import STEPS, Signatures
 from .inference.evidence import price
 from .possible import is_possible
-from .rows import blocks
 from .runs import Run
 from .scaling import (
     PROPORTIONAL,
@@ -126,26 +125,6 @@ class Fit:
         moved = [k for k in self.own(index) if self.free[k][1].role in PROPORTIONAL]
         return np.asarray(self.tangents[:, moved] @ self.offsets[moved])
 
-    def held_out(self, without: int | None = None) -> Array:
-        """(R,) whitened residuals of each block of rows with the values that the others give.
-
-        Args:
-            without: A cause that is left out.
-        """
-        kept, out = np.arange(len(self.free)), self.data.copy()
-        if without is not None:
-            out += self.changed(without)
-            kept = np.setdiff1d(kept, self.own(without))
-        columns, precision = self.tangents[:, kept], self.precision[kept]
-        information, slope = columns.T @ columns, columns.T @ out
-        slope -= precision * self.offsets[kept]
-        for block in blocks(self.rows.row_times) if len(kept) else ():
-            part = columns[block]
-            rest = information - part.T @ part + np.diag(precision)
-            change = np.linalg.lstsq(rest, slope - part.T @ out[block], 1e-12)[0]
-            out[block] -= part @ change
-        return out
-
     def covariance(self) -> Array:
         """(P, P) of the coordinates, by the level of the noise alone."""
         if not self.free:
@@ -162,11 +141,6 @@ class Fit:
             value = self.causes[i].values[p.name]
             out[i][p.name] = value_std(p, value, float(std))
         return out
-
-    @property
-    def promised(self) -> float:
-        """Misfit that the best values near these take, by the tangents."""
-        return float(self.slope @ self.covariance() @ self.slope)
 
     @property
     def slope(self) -> Array:

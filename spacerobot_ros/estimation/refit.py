@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -37,26 +37,18 @@ Secant = tuple[Array, Array]
 _DRAWS = 30
 
 
-def refine(
-    run: Run,
-    causes: Sequence[Effect],
-    passes: int = PASSES,
-    is_worth: Callable[[Fit], bool] = lambda fit: True,
-) -> Fit:
+def refine(run: Run, causes: Sequence[Effect], passes: int = PASSES) -> Fit:
     """The most probable values of the causes' parameters, from the given ones.
 
     Args:
         run: The run.
         causes: Effects with first guesses.
         passes: Largest number of steps.
-        is_worth: Whether one more step may lead to a fit that is wanted.
     """
     fit = Fit(run, _possible(run, causes))
     earlier: list[Secant] = []
     for _ in range(passes):
         try:
-            if not is_worth(fit):
-                break
             ahead = _step(fit, earlier)
         except (ConfigurationError, np.linalg.LinAlgError):
             break  # at the edge of what is physical: no neighbour is a robot that can be followed

@@ -7,12 +7,9 @@ leftover is coloured, `leftover`). Columns, evidence and placebos know no more t
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Protocol
-
-import numpy as np
 
 from ..effects.motion import Motion
 from ..model.robot import Robot
@@ -131,10 +128,3 @@ class Rows(MotionModel, Protocol):
     def channels(self) -> tuple[ChannelError, ...]:
         """Every channel along the record."""
         ...
-
-
-def blocks(row_times: Array) -> list[slice]:
-    """Rows of equal parts of the record, each of which is predicted from the others."""
-    inner = np.linspace(row_times[0], row_times[-1], BLOCKS + 1)[1:-1]
-    ends: Sequence[int] = np.searchsorted(row_times, inner).tolist()
-    return [slice(a, b) for a, b in pairwise([0, *ends, len(row_times)])]

@@ -50,12 +50,6 @@ class Run:
         self.noise = noise
         self.timing = timing
         self.left_out = left_out
-        self._models = [0]
-
-    @property
-    def models(self) -> int:
-        """Number of models whose rows were made, those of another timing among them."""
-        return self._models[0]
 
     def without(self, left_out: tuple[tuple[float, float], ...]) -> Run:
         """The same run, times left out."""
@@ -66,12 +60,10 @@ class Run:
         other = Run(self.record, self.robot, self.believed, self.noise, timing, self.left_out)
         if not any(effect.acts('delay') for effect in self.believed):
             other.__dict__['_believed_motion'] = self._believed_motion
-        other._models = self._models
         return other
 
     def rows(self, causes: Sequence[Effect]) -> Rows:
         """Rows of the robot with its own effects and some causes."""
-        self._models[0] += 1
         return PredictionRows(*self._modelled(causes), self.timing)
 
     def _modelled(self, causes: Sequence[Effect]) -> tuple[MeasuredMotion, TorqueDriven]:

@@ -21,16 +21,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..diagnosis.limits import EQUIVALENT
 from ..effects.effect import Effect
 from ..effects.robot_file import RobotFile
 from ..errors import ConfigurationError
 from ..estimation.columns import Signatures, candidate_at
 from ..estimation.fit import Fit
-from ..estimation.inference.evidence import Gram
 from ..estimation.runs import Run
 from ..estimation.trajectory.base_response import noise_free_record
 from ..identification.information import with_typical
+from ..inference.decisive import CONFOUNDED
+from ..inference.gram import Gram
 from ..json_values import json_as
 from ..model.robot import Robot
 from ..types import Array
@@ -76,7 +76,7 @@ class Contrast:
     @property
     def smallest(self) -> float:
         """Smallest share of its plausible size that is told from the other effect."""
-        return math.sqrt(2.0 * EQUIVALENT) / self.apart if self.apart > 0.0 else math.inf
+        return math.sqrt(2.0 * CONFOUNDED) / self.apart if self.apart > 0.0 else math.inf
 
     @classmethod
     def of(cls, own: Array, other: Array) -> Contrast:

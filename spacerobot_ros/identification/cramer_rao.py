@@ -52,4 +52,5 @@ def information_root(
         factor, [model.filter_bodies.start, model.filter_bodies.stop], axis=1
     )
     rows = np.hstack([first, bodies @ model.told_slopes(constants[model.y]), others])
-    return np.asarray(np.linalg.qr(np.pad(rows, ((0, model.size), (0, 0))), mode='r'))
+    padded = np.pad(rows, ((0, model.size), (0, 0)))
+    return np.asarray(np.linalg.qr(padded, mode='r'))

@@ -27,9 +27,9 @@ import numpy as np
 
 from ..dynamics.rotation import skew
 from ..estimation.filters.momentum_process import MomentumModel
-from ..estimation.inference.evidence import Gram
 from ..estimation.trajectory.base_response import BaseMotion
 from ..estimation.trajectory.reference import NoiseLevels
+from ..inference.gram import Gram
 from ..model.robot_settings import SensorSettings
 from ..model.settings import IdentifierSettings, SimulatorSettings
 from ..types import Array

@@ -14,6 +14,7 @@ _LINEAR = 10.0
 """Root mean square shift of the unknowns, in standard deviations, up to which a step is taken as
 the linear model has it; of eleven hard flights 1 to 1000 settle in as many steps or more."""
 _MOST = 150  # steps in all; a dozen where everything is off by a third
+_KEPT = 1e-3  # of what a step promises, from which it is taken
 _DECREMENT = 1e-4  # square of the whole shift that is left, in standard deviations
 _SAME_FACTOR = 0.02  # of its logarithm, which the data tell to some 0.1
 
@@ -120,7 +121,7 @@ class _Problem:
                 tried = self._curve.stepped(self.y, step * width)
                 reached = self._cost(tried, width)
                 wanted = float(step @ (gradient + damping * step))
-                if cost - reached > 1e-3 * wanted:
+                if cost - reached > _KEPT * wanted:
                     damping *= 0.2 if cost - reached > 0.5 * wanted else 1.0
                     cost, self.y = reached, tried
                     break

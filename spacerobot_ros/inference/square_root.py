@@ -7,6 +7,7 @@ import scipy
 
 from ..types import Array, IntArray
 
+_ROUNDING = 1e-13  # of the largest singular value: less is a direction without information
 _AT_ONCE = 500  # rows; as many as stay in a processor's cache
 _PANEL = 32  # columns that are cleared at once
 
@@ -52,7 +53,7 @@ class SquareRootInformation:
         scale = np.linalg.norm(R, axis=0)
         scale[scale == 0.0] = 1.0
         left, singular, right = np.linalg.svd(R / scale)
-        known = singular > 1e-13 * singular[0]
+        known = singular > _ROUNDING * singular[0]
         inverse = right[known].T / singular[known]
         estimate = inverse @ (left[:, known].T @ z) / scale
         covariance = (inverse @ inverse.T) / np.outer(scale, scale)

@@ -119,6 +119,7 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
         rotors=rotors,
         inertia_uncertainty=options.inertia_uncertainty,
         uncertainties=body_uncertainties(options.uncertainty, frames, len(bodies)),
+        uncertain_bodies=frozenset(frames[link][0] for link in options.uncertainty.links),
         effort_kinds=_each(options, 'robot.effort_kind', options.effort_kind),
         motor_constants=_each(options, 'robot.motor_constant', options.motor_constant),
         passive_joints=options.passive_joints,

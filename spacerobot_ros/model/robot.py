@@ -52,6 +52,7 @@ class Robot:
         inertia_uncertainty: Standard deviation of every inertial parameter, as a share of it, in
             the diagnosis.
         uncertainties: Of each body, rotors aside; see `uncertainty_of`.
+        uncertain_bodies: Those that the file states it of by name.
         effort_kinds: What the measured effort of each joint of the arm is, see `RobotSettings`.
         motor_constants: Of each joint of the arm [N m/A]; empty where they are not stated.
         passive_joints: Joints of the arm without a motor.
@@ -78,6 +79,7 @@ class Robot:
     rotor_count: int = 0
     inertia_uncertainty: float = 0.1
     uncertainties: tuple[BodyUncertainty, ...] = ()
+    uncertain_bodies: frozenset[int] = frozenset()
     effort_kinds: tuple[str, ...] = ()
     motor_constants: tuple[float, ...] = ()
     passive_joints: tuple[str, ...] = ()

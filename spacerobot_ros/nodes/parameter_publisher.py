@@ -8,7 +8,7 @@ from pathlib import Path
 
 from spacerobot_msgs.msg import Parameters
 
-from ..control.adaptive.prior import load, save
+from ..control.adaptive.parameter_prior import load, save
 from ..control.controllers import FreeFlyingController
 from ..control.loop import ControlLoop
 from ..errors import ConfigurationError

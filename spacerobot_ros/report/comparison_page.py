@@ -15,7 +15,7 @@ from ..diagnosis.comparison.change_conclusion import Change, Comparison
 from ..display import Item, Plot, Report, Section, Table, table_of
 from ..formats import number
 from . import diagnosis_plots as curves
-from .diagnosis_tables import value_cells
+from .diagnosis_tables import rival_gap, value_cells
 from .sentences import COMPARISON, REPEATS, SAID
 
 
@@ -29,14 +29,15 @@ def summary(comparison: Comparison) -> Iterator[Section]:
     yield Section(title, [detectable_table(comparison)])
     left = ', '.join(' '.join(row) for row in _left(comparison))
     repeats = 'repeats of one motion: judged by the scatter between the runs before'
-    yield Section('', [f'left unexplained, rms: {left}', *[repeats] * comparison.is_repeated])
+    further = [*[repeats] * comparison.is_repeated, *comparison.notes]
+    yield Section('', [f'left unexplained, rms: {left}', *further])
 
 
 def rival_lines(changes: tuple[Change, ...]) -> list[str]:
     """What these motions can't tell from the changes."""
     return [
         f'{change.effect}{at(change.where)} can not be told from {rival.effect}{at(rival.where)} '
-        f'with these motions (BIC gap {number(rival.bic_gap, 2)})'
+        f'with these motions ({rival_gap(rival)})'
         for change in changes
         for rival in change.indistinguishable_from
     ]
@@ -46,11 +47,11 @@ def change_table(changes: tuple[Change, ...]) -> Table:
     """One row a parameter of each change."""
     rows = []
     for change in changes:
-        place = change.title, change.where or '', number(change.log_evidence, 3)
+        place = change.title, change.where or '', number(change.log_odds, 3)
         for name, found in change.parameters.items():
             rows.append((*place, name, *value_cells(found)))
             place = '', '', ''
-    head = ('cause', 'where', 'log evidence', 'parameter', 'added', '+- std', 'unit')
+    head = ('cause', 'where', 'log odds', 'parameter', 'added', '+- std', 'unit')
     return Table(head, rows)
 
 
@@ -79,7 +80,7 @@ def comparison_page(comparison: Comparison, command: str) -> Report:
     missed = Plot(panels, SAID['missed torques'], height=180)
     how = f'{REPEATS if comparison.is_repeated else COMPARISON} See docs/diagnosis.md.'
     sections: list[tuple[str, list[Item]]] = [
-        ('Verdict', [comparison.sentence]),
+        ('Verdict', [comparison.sentence, *comparison.notes]),
         ('What changed', changed),
         ('Torques that are missed afterwards', [torques, missed]),
         ('What would have been seen', [detectable_table(comparison, SAID['changes'])]),

@@ -117,7 +117,8 @@ def _causes(answer: Findings) -> Iterator[Item]:
         return
     if causes:
         yield _tied(tables.parameter_table(causes, SAID['parameters']))
-        yield tables.evidence_table(causes, SAID['evidence'])
+        caption = SAID['odds' if tables.has_odds(causes) else 'evidence']
+        yield tables.evidence_table(causes, caption)
     if diagnosis.friction:
         yield tables.friction_table(diagnosis, SAID['friction'])
     if diagnosis.ratios:

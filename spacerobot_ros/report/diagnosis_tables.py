@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from ..diagnosis.answer.cause import Cause, Estimated
+from ..diagnosis.answer.cause import Cause, Estimated, Rival
 from ..diagnosis.answer.closed_loop_gain import ClosedLoopGain, RmsErrors
 from ..diagnosis.answer.output import relevance
 from ..diagnosis.answer.result import Diagnosis, FreeMotion, Ratio, Residual
@@ -98,6 +98,14 @@ def value_cells(found: Estimated | Ratio) -> tuple[str, str, str]:
 def evidence_table(causes: Sequence[Cause], caption: str = '') -> Table:
     """One row a cause."""
     rows = [{'label': label(c), 'of': c.evidence, 'constant': c.constant_p} for c in causes]
+    if has_odds(causes):
+        return table_of(
+            rows,
+            'cause | log odds | probability | held-out gain [nats] | held out',
+            '{label} | {of.log_odds:number} | {of.probability:number} | {of.elpd_gain:number} | '
+            '{of.held_out_gain:tested}',
+            caption,
+        )
     return table_of(
         rows,
         'cause | log L gain | BIC gain | p | held out | placebo | constant p',
@@ -106,6 +114,11 @@ def evidence_table(causes: Sequence[Cause], caption: str = '') -> Table:
         '{constant:probability}',
         caption,
     )
+
+
+def has_odds(causes: Sequence[Cause]) -> bool:
+    """Whether odds are known of any of some causes."""
+    return any(math.isfinite(c.evidence.log_odds) for c in causes)
 
 
 def friction_table(diagnosis: Diagnosis, caption: str = '') -> Table:
@@ -178,10 +191,17 @@ def rival_lines(causes: Sequence[Cause]) -> list[str]:
     """What this motion can't tell from the named causes, and the motion that can."""
     return [
         f'{label(cause)} can not be told from {rival.effect}{at(rival.where)} with this motion '
-        f'(BIC gap {number(rival.bic_gap, 2)}); to separate them: {rival.motion}'
+        f'({rival_gap(rival)}); to separate them: {rival.motion}'
         for cause in causes
         for rival in cause.rivals
     ]
+
+
+def rival_gap(rival: Rival) -> str:
+    """How far behind a rival is."""
+    if math.isfinite(rival.log_odds):
+        return f'log odds {number(rival.log_odds, 2)}'
+    return f'BIC gap {number(rival.bic_gap, 2)}'
 
 
 def minor_lines(causes: Sequence[Cause]) -> list[str]:

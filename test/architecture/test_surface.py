@@ -20,9 +20,12 @@ SURFACE = {  # name: its parameters, with ? where one has a default
     'Diagnosis': (
         'verdict sentence causes? minor? residuals? series? gain? ranking? fit_p? null_p? '
         'next_motion? notes? calibration? recordings? friction? leftover? orders? ratios? '
-        'free_motion? events? method?'
+        'free_motion? events? covariance? method?'
     ),
-    'Comparison': 'verdict sentence changes detectable left unjudged units is_repeated series',
+    'Comparison': (
+        'verdict sentence changes detectable left unjudged unidentified notes units is_repeated '
+        'series'
+    ),
     'compare': 'before after robot believed? report?',
     'diagnose': 'records robot believed? catalogue? report? loaded?',
     'Monitor': 'robot settings believed? momentum_std?',

@@ -99,7 +99,14 @@ def there(*paths):
             }
             for k, path in enumerate(paths)
         },
-        {'cls': distributed.Scheduler, 'options': {'host': '127.0.0.1', 'dashboard': False}},
+        {
+            'cls': distributed.Scheduler,
+            'options': {
+                'host': '127.0.0.1',
+                'dashboard': False,
+                'dashboard_address': '127.0.0.1:0',
+            },
+        },
     )
 
 

@@ -11,13 +11,13 @@ from scipy.linalg import eigh
 from spacerobot_ros.control.adaptive.controller import AdaptiveController
 from spacerobot_ros.control.adaptive.law_signals import LIMIT, AdaptiveSettings, Measured
 from spacerobot_ros.control.adaptive.physical_consistency import (
-    body_scales,
     is_physical,
     natural_step,
     project,
 )
 from spacerobot_ros.dynamics.equations import Dynamics, without_translation
 from spacerobot_ros.dynamics.pseudo_inertia import parameters_of, pseudo_inertia
+from spacerobot_ros.dynamics.random_body import body_scales
 from spacerobot_ros.errors import ConfigurationError, MessageRejectedError
 from validation.papers.adaptive_judge import identities
 from validation.papers.adaptive_run import (

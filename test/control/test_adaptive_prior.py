@@ -8,7 +8,7 @@ from support.models import random_tree, robot_of
 
 from spacerobot_ros.control.adaptive.law_signals import AdaptiveSettings
 from spacerobot_ros.control.adaptive.learner import Learner
-from spacerobot_ros.control.adaptive.prior import prior_covariance
+from spacerobot_ros.control.adaptive.parameter_prior import prior_covariance
 from spacerobot_ros.control.adaptive.regressors import parameter_values
 
 KINDS = ('mass', 'com', 'inertia')

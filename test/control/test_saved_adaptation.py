@@ -8,7 +8,7 @@ from support.models import H_TARGET, robot_of, table_one
 
 from spacerobot_ros.control.adaptive.controller import AdaptiveController
 from spacerobot_ros.control.adaptive.law_signals import AdaptiveSettings
-from spacerobot_ros.control.adaptive.prior import Learned, load, save
+from spacerobot_ros.control.adaptive.parameter_prior import Learned, load, save
 from spacerobot_ros.errors import ConfigurationError, RecordingError
 from spacerobot_ros.identification.checked_file import digest
 

@@ -1,8 +1,6 @@
 """Arms whose noise nobody knows: right names at the right joints, nothing where none is."""
 
-from copy import copy
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -10,18 +8,13 @@ import pytest
 
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section, named
 from spacerobot_ros.diagnosis.answer.output import to_dict
-from spacerobot_ros.diagnosis.arms.arm_evidence import evidence_of
-from spacerobot_ros.diagnosis.arms.held_out_checks import check_bodies, check_held_out
-from spacerobot_ros.diagnosis.arms.selection import Selection
+from spacerobot_ros.diagnosis.arms.fitted_arm import FittedArm
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effects, changed_robot
 from spacerobot_ros.errors import RecordingError
-from spacerobot_ros.estimation.balance.arm_fit import ArmFit
 from spacerobot_ros.estimation.balance.arm_levels import leftover_levels
 from spacerobot_ros.estimation.balance.arm_rows import ArmRows
 from spacerobot_ros.estimation.balance.balance import balance_of, rms
-from spacerobot_ros.estimation.inference.evidence import Gram
-from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
@@ -245,161 +238,6 @@ def test_a_load_is_of_arms_alone():
         diagnose([record, record], packaged('servicer').robot, loaded=[1])
 
 
-def test_beside_a_load_quarters_of_all_recordings_are_held_out():
-    """A loaded recording alone does not tell the load from the links."""
-    file, arm = arm_file(), RealArm(4)
-    balances = [balance_of(arm.record(run), file.robot, file.effects) for run in range(2)]
-    kinds = [CATALOGUE['inertial_parameters'], CATALOGUE['joint_viscous_friction']]
-    rows = ArmRows.of(balances, kinds).with_own([1])
-    selection = Selection.of(rows, leftover_levels(rows, rows.tolerances, rows.friction))
-    labels = {
-        (*c.key, c.recordings): selection.parts.labels(i) for i, c in enumerate(rows.candidates)
-    }
-    quarters = [0, 1, 2, 3]
-    assert labels['joint_viscous_friction', 'joint_1', None].tolist() == quarters * 2
-    assert labels['inertial_parameters', 'link_6', (1,)].tolist() == [-1] * 4 + quarters
-
-
-def test_a_body_has_to_beat_the_simple_causes_that_could_stand_in_its_place():
-    """It predicts the quarters of a machine with rotors well, and of one with that body best."""
-    file = arm_file()
-    kinds = [CATALOGUE['inertial_parameters'], CATALOGUE['motor_inertia']]
-    rotors = [bound('motor_inertia', f'joint_{k}', inertia=6.0) for k in (1, 2)]
-    heavier = dict.fromkeys(PAYLOAD, 0.0) | {'mass': 6.0, 'mx': 1.5, 'iyy': 0.4, 'izz': 0.4}
-    chosen = {}
-    for name, hidden in (
-        ('rotors', rotors),
-        ('body', [bound('inertial_parameters', 'link_3', **heavier)]),
-    ):
-        balance = balance_of(RealArm(4, hidden).record(0), file.robot, file.effects)
-        rows = ArmRows.of([balance], kinds)
-        selection = Selection.of(rows, leftover_levels(rows, rows.sizes, rows.friction))
-        keys = [c.key for c in rows.candidates]
-        link = 'link_2' if name == 'rotors' else 'link_3'
-        selection.chosen = [keys.index(('inertial_parameters', link))]
-        check_bodies(selection, selection)
-        chosen[name] = {keys[i] for i in selection.chosen}
-    assert chosen['rotors'] == {('motor_inertia', 'joint_1'), ('motor_inertia', 'joint_2')}
-    assert chosen['body'] == {('inertial_parameters', 'link_3')}
-
-
-class Judged(Selection):
-    """A body whose presence leaves parts of 100 rows with given misfits; nothing else is there."""
-
-    def __init__(self, with_it: list[float], without: list[float], rows: int = 100) -> None:
-        body = SimpleNamespace(kind=CATALOGUE['inertial_parameters'], recordings=None, along=None)
-        self.rows = SimpleNamespace(candidates=[body])
-        self.chosen = [0]
-        self.dear = {True: 1.0, False: 1.0}
-        self._misfits = {True: with_it, False: without}
-        sizes = [100] * (len(with_it) - 1) + [rows]
-        folds = [SimpleNamespace(part=SimpleNamespace(rows=size)) for size in sizes]
-        self.parts = SimpleNamespace(folds=lambda: folds)
-
-    def gain(self, i):
-        return 50.0
-
-    def instead_of(self, i, barred):
-        other = copy(self)
-        other.chosen = []
-        return other
-
-    def take(self, other):
-        self.chosen = other.chosen
-
-    def held_out_misfits(self, chosen, i=None):
-        return np.array(self._misfits[bool(chosen)])
-
-    def implausibility(self, chosen):
-        return self.dear[bool(chosen)]
-
-    def need(self, i):
-        return 9.0
-
-
-@pytest.mark.parametrize(
-    ('whitened', 'plain', 'stays'),
-    [
-        (([100.0] * 4, [103.0] * 4), ([50.0] * 4, [51.0] * 4), True),  # 6 nats
-        (([100.0] * 4, [101.0] * 4), ([50.0] * 4, [51.0] * 4), False),  # 2 nats
-        (([100.0] * 4, [90.0] * 4), ([50.0] * 4, [60.0] * 4), True),  # a slow load
-        (([100.0] * 3 + [1200.0], [130.0] * 3 + [1000.0]), ([50.0] * 4, [50.0] * 4), True),
-        (([100.0] * 3 + [1200.0], [103.0] * 3 + [1000.0]), ([50.0] * 4, [50.0] * 4), False),
-    ],
-)
-def test_a_body_stays_where_it_helps_whitened_or_plain_and_no_part_decides_alone(
-    whitened, plain, stays
-):
-    selection = Judged(*whitened)
-    check_bodies(selection, Judged(*plain))
-    assert bool(selection.chosen) == stays
-
-
-def test_a_body_stays_where_only_implausible_values_do_as_well():
-    """Two motors of twice the torque constant predict what links of twice the mass do."""
-    alike = [[100.0] * 4, [100.0] * 4]
-    selection = Judged(*alike)
-    selection.dear = {True: 2.0, False: 40.0}
-    check_bodies(selection, Judged(*alike))
-    assert selection.chosen
-
-
-class Alternating(Selection):
-    """Two laws of one friction, neither of which holds; each is chosen where the other is not."""
-
-    def __init__(self):
-        kinds = [CATALOGUE[f'joint_{law}_friction'] for law in ('coulomb', 'stribeck')]
-        self.rows = SimpleNamespace(
-            candidates=[SimpleNamespace(kind=kind, where='joint_1') for kind in kinds]
-        )
-        self.chosen = [0]
-        self.asked = 0
-
-    def held_out(self, i):
-        self.asked += 1
-        assert self.asked < 10
-        return np.full(4, -1.0)
-
-    def is_stretched(self, i, chosen):
-        return False
-
-    def alike(self, i):
-        return [1 - i]
-
-    def instead_of(self, i, barred):
-        other = copy(self)
-        other.chosen = [k for k in (0, 1) if k not in barred]
-        return other
-
-    def take(self, other):
-        self.chosen = other.chosen
-
-
-def test_two_laws_that_take_each_others_place_both_go():
-    selection = Alternating()
-    check_held_out(selection)
-    assert not selection.chosen
-
-
-def test_friction_of_the_load_goes_before_the_plain_friction_that_it_leans_on():
-    kinds = ('joint_coulomb_friction', 'joint_load_friction', 'joint_friction_curvature')
-    selection = Alternating()
-    selection.rows.candidates = [
-        SimpleNamespace(kind=CATALOGUE[kind], where=where)
-        for kind, where in zip((*kinds, kinds[1]), ('joint_1',) * 3 + ('joint_2',), strict=True)
-    ]
-    selection.chosen = [0, 1, 2, 3]
-    selection.gain = {0: 50.0, 1: 40.0, 2: 30.0, 3: 5.0}.__getitem__
-    assert [selection.leaning_on(i) for i in selection.chosen] == [2, 1, 2, 3]
-
-
-def test_a_recording_in_which_nothing_moves_decides_nothing():
-    still = [[100.0] * 3 + [0.0], [101.0] * 3 + [0.0], 0]
-    selection = Judged(*still)
-    check_bodies(selection, Judged(*still))
-    assert not selection.chosen
-
-
 def test_blocks_have_as_much_motion_each():
     """Of 24 s of motion and 24 s of rest after it no quarter is without."""
     record, file = RealArm(3).record(0), arm_file()
@@ -456,7 +294,7 @@ def test_a_gain_beyond_the_tolerance_of_a_torque_sensor():
 
 
 def test_the_extended_model_loads_round_after_round():
-    """Each round starts from what the last one wrote; bodies that are named twice compose."""
+    """Each round starts from what the last one wrote."""
     file, arm = arm_file(has_friction=False), RealArm(7, [payload()])
     believed, left = (), []
     for turn in range(3):
@@ -466,7 +304,6 @@ def test_the_extended_model_loads_round_after_round():
         left.append(own.rms_before)
         more = named((*(c.applied for c in found.causes), *found.calibration), believed)
         believed = bind_effects(effects_section((*believed, *more)), file.robot)
-    assert len({(e.id, e.where) for e in believed}) < len(believed)
     # the model of the first round explains the second recording
     assert left[1] < 0.3 * left[0]
 
@@ -490,46 +327,15 @@ def test_a_load_beside_another_body_of_its_link_is_a_body():
         for r, j in zip(records, joints, strict=True)
     ]
     rows = ArmRows.of(balances, list(CATALOGUE.values())).with_own([1])
-    selection = Selection.of(rows, leftover_levels(rows, rows.sizes, rows.friction))
+    levels = leftover_levels(rows, rows.sizes, rows.friction)
     keys = [(c.kind.id, c.where) for c in rows.candidates]
     both = [i for i, key in enumerate(keys) if key == ('inertial_parameters', 'link_6')]
     assert len(both) == 2
-    fit = ArmFit(rows, selection.whole, tuple(both))
+    fit = FittedArm.of(rows, levels, both)
     link, load = fit.effects(both)
     alone = pin.PseudoInertia.FromDynamicParameters(np.array(list(load.values.values())))
     assert np.min(np.linalg.eigvalsh(alone.toMatrix())) > -1e-5
     changed_robot(file.robot, [*file.effects, link, load])  # refuses what is no body
-
-
-def test_what_a_held_out_recording_has_of_its_own_is_not_held_against_it(rng):
-    """Exact data of two recordings, the second with an offset that the first knows nothing of."""
-    columns = rng.normal(size=(2, 200, 2))
-    columns[0, :, 1] = 0.0
-    rows = SimpleNamespace(
-        candidates=[SimpleNamespace(recordings=None), SimpleNamespace(recordings=(1,))],
-        places=[np.array([0]), np.array([1])],
-        sizes=np.full(2, 10.0),
-        has_load=False,
-        may_be_chosen=lambda i: True,
-        deviations=lambda chosen: np.full(2, 10.0),
-    )
-    parts = [Gram.of(part, part @ [2.0, 5.0]) for part in columns]
-    selection = Selection(rows, parts, np.arange(2))
-    # priors of 10 pull 2 and 5 by 1e-2 / 200 of themselves; the offset alone is 25 a row
-    assert selection.held_out_misfit([0, 1]) < 1e-4
-
-
-def test_no_cause_removes_more_than_there_is():
-    """Of what is left less than its level: 8000 % of next to nothing were said."""
-    file = arm_file(has_friction=False)
-    record = observed(RealArm(0, leftover=0.0).record(0, duration=12.0), file.robot)
-    rows = ArmRows.of([balance_of(record, file.robot, ())], [CATALOGUE['joint_coulomb_friction']])
-    levels = [np.array([scale**2, *[1e-12] * 5]) for scale in np.tile(rows.scale, 2)]
-    selection = Selection.of(rows, levels)
-    selection.chosen = [i for i, c in enumerate(rows.candidates) if c.where == 'joint_3']
-    evidence = evidence_of(selection, levels, selection.chosen[0])
-    assert 0.0 < evidence.held_out_gain <= 1.0
-    assert evidence.placebo_gain < 0.5 * evidence.held_out_gain
 
 
 def lone_joint(kind, axis):

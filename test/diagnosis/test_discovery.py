@@ -129,14 +129,16 @@ def test_a_spring_that_stiffens_is_no_spring_with_a_ripple():
 
 
 def test_a_ripple_of_which_a_motion_shows_a_part_gives_way_to_a_spring_that_stiffens():
-    """Once its noise; as a ripple it was 9 times the truth's variance off on another motion."""
-    machine = HeldArm(506, 'cubic spring', 1.0, 'slow')
+    """A ripple and a spring are found there, and leave a thousandth less of the rows as they are.
+
+    At once its noise nothing is found beside the law, and its values are not told well enough.
+    """
+    machine = HeldArm(506, 'cubic spring', 3.0, 'slow')
     answer = diagnose(machine.record(), machine.file.robot, machine.file.effects)
-    assert 'joint_torque_ripple' not in {c.applied.id for c in answer.causes}
+    assert not answer.causes
     entry = of_joint(answer, machine.where)
     assert list(entry.depends_on) == machine.variables
-    added = [*(c.applied for c in answer.causes), *answer.calibration, entry.applied]
-    assert machine.transferred(added) > 0.8
+    assert machine.transferred([*answer.calibration, entry.applied]) > 0.95
 
 
 def test_a_spring_near_the_stops_is_no_spring_all_along():
@@ -147,13 +149,20 @@ def test_a_spring_near_the_stops_is_no_spring_all_along():
     assert 'joint_stiffness' not in [c.applied.id for c in answer.causes]
 
 
-def test_a_spring_that_is_one_keeps_its_name(monkeypatch):
-    """The same spring as a law has other priors, by which it is 10 nats ahead of its name."""
-    monkeypatch.setitem(LAWS, 'spring', (lambda q, v, T, t, j, k: q[:, j] - POSE[j], 'q'))
-    machine = HeldArm(8305, 'spring', 3.0, 'white')
+@pytest.mark.parametrize(
+    ('kind', 'seed', 'law'),
+    [
+        ('joint_stiffness', 8305, lambda q, v, T, t, j, k: q[:, j] - POSE[j]),
+        ('joint_torque_ripple', 603, lambda q, v, T, t, j, k: np.sin(2.0 * q[:, j] + j + 0.5)),
+    ],
+)
+def test_a_cause_that_is_one_keeps_its_name(kind, seed, law, monkeypatch):
+    """The same as a law, with the prior of a law's size, is 6 to 10 nats ahead of its name."""
+    monkeypatch.setitem(LAWS, kind, (law, 'q'))
+    machine = HeldArm(seed, kind, 3.0, 'white')
     answer = diagnose(machine.record(), machine.file.robot, machine.file.effects)
     assert of_joint(answer, machine.where).form is None
-    assert [c.applied.id for c in answer.causes] == ['joint_stiffness']
+    assert [c.applied.id for c in answer.causes] == [kind]
 
 
 def test_a_history_beside_named_dry_friction_takes_nothing_from_it():

@@ -140,8 +140,12 @@ def test_steps_that_are_not_named_hide_no_cause_that_lasts(bumped, robot, monkey
         record = observed(simulated('servicer', 'default', 3, [torque], 10.0), known)
         run = Run(record, known, (), run.noise, 'held_before')
     steps = Events(possible=weak, limits=found.limits)
-    monkeypatch.setattr(diagnose, 'steps_beside_usual', lambda run: (steps, ()))
+
+    def seen(run, causes=()):
+        return (Events() if causes else steps), ()
+
+    monkeypatch.setattr(diagnose, 'steps_beside_usual', seen)
     said, kept = diagnose._in_flight(run, [kind], lambda what, share: None)
-    assert said.sound.run.left_out == (() if lasts else spans_of(steps))
-    assert [c.id for c in said.sound.causes] == [kind.id]
+    assert said.fit.run.left_out == (() if lasts else spans_of(steps))
+    assert [c.id for c in said.fit.causes] == [kind.id]
     assert bool(kept.possible) != lasts

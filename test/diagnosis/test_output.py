@@ -14,7 +14,7 @@ import yaml
 from support.contracts import keeps
 from support.diagnosis import friction_cause, hand_made
 
-from spacerobot_ros.diagnosis.answer.cause import Rival
+from spacerobot_ros.diagnosis.answer.cause import Evidence, Rival
 from spacerobot_ros.diagnosis.answer.closed_loop_gain import closed_loop_gain
 from spacerobot_ros.diagnosis.answer.extended_model import NEVER, named, write_extended_model
 from spacerobot_ros.diagnosis.answer.next_motion import with_motions
@@ -23,6 +23,7 @@ from spacerobot_ros.effects.catalogue import bind_effects
 from spacerobot_ros.effects.parameter import Parameter
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError
+from spacerobot_ros.report.diagnosis_tables import evidence_table, rival_lines
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 SERVICER = CONFIG / 'servicer.yaml'
@@ -56,13 +57,14 @@ def beside(tmp_path):
 def test_json_has_the_documented_keys_and_only_finite_numbers():
     diagnosis = hand_made(rivals=(RIVAL,))
     values = keeps('diagnose', json.dumps(to_dict(diagnosis), allow_nan=False))
-    assert values['schema'] == 2
+    assert values['schema'] == 3
     assert values['verdict'] == 'explained'
     assert values['extended_model'] == 'extended_model.yaml'
     cause = values['causes'][0]
     assert (cause['effect'], cause['where']) == ('joint_viscous_friction', 'joint_2')
     assert set(cause['parameters']['coefficient']) == {'value', 'std', 'unit', 'threshold'}
     evidence = {'log_likelihood_gain', 'bic_gain', 'p_value', 'held_out_gain', 'placebo_gain'}
+    evidence |= {'log_odds', 'probability', 'elpd_gain'}
     assert set(cause['evidence']) == evidence
     assert cause['indistinguishable_from'][0]['bic_gap'] == 1.5
     keys = {'channel', 'unit', 'rms_before', 'rms_after', 'noise_floor', 'whiteness_p'}
@@ -70,6 +72,24 @@ def test_json_has_the_documented_keys_and_only_finite_numbers():
     gain = values['gain']
     assert gain['ratio'] == pytest.approx(1.01 / 7.0, rel=1e-12)  # one division
     assert {'held_out_rmse_before', 'held_out_rmse_after', 'held_out_rmse_placebo'} < set(gain)
+
+
+def test_odds_stand_where_they_are_known_and_nothing_else_does():
+    """Log odds of ln 3 are three to one."""
+    cause = friction_cause((replace(RIVAL, bic_gap=math.nan, log_odds=1.25),))
+    known = Evidence(log_odds=math.log(3.0), elpd_gain=4.5, held_out_gain=0.5)
+    found = replace(hand_made(), causes=(replace(cause, evidence=known),))
+    (said,) = keeps('diagnose', json.dumps(to_dict(found), allow_nan=False))['causes']
+    assert said['evidence']['probability'] == pytest.approx(0.75)
+    nothing = {name for name, value in said['evidence'].items() if value is None}
+    assert nothing == {'log_likelihood_gain', 'bic_gain', 'p_value', 'placebo_gain'}
+    (rival,) = said['indistinguishable_from']
+    assert (rival['log_odds'], rival['bic_gap']) == (1.25, None)
+    table = evidence_table(found.causes)
+    assert table.head == ['cause', 'log odds', 'probability', 'held-out gain [nats]', 'held out']
+    assert [*table.rows[0]][1:] == ['1.099', '0.75', '4.5', '50.0 %']
+    (line,) = rival_lines(found.causes)
+    assert '(log odds 1.2)' in line
 
 
 def test_json_says_null_where_there_is_no_number():

@@ -7,14 +7,13 @@ import pytest
 pytest.importorskip('mujoco')
 
 from spacerobot_ros.diagnosis.diagnose import diagnose
-from spacerobot_ros.diagnosis.limits import MISFIT
-from spacerobot_ros.diagnosis.search import search
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.refit import refine
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
+from spacerobot_ros.inference.decisive import MISFIT
 from validation.mujoco.truth import generate
 
 SPRING = 'joint_stiffness'
@@ -56,18 +55,6 @@ def assert_found(said):
 
 
 def test_a_spring_between_guesses_of_its_rest_is_first(tmp_path):
-    record, robot = spring(tmp_path, 'joint_1', -0.19, 2, 'measured')
-    assert_found(diagnose(record, robot, catalogue=[CATALOGUE[e] for e in (*OTHERS, SPRING)]))
-
-
-def test_a_spring_is_named_where_another_cause_proves_unsound(tmp_path, monkeypatch):
-    """A motor that gives nothing takes most of the misfit, but is no constant cause."""
-    preferred, shortlist = OTHERS[0], search.shortlist
-
-    def partial(wanted):
-        return [j for j in wanted if j.candidate.kind.id == preferred][:1] or shortlist(wanted)
-
-    monkeypatch.setattr(search, 'shortlist', partial)
     record, robot = spring(tmp_path, 'joint_1', -0.19, 2, 'measured')
     assert_found(diagnose(record, robot, catalogue=[CATALOGUE[e] for e in (*OTHERS, SPRING)]))
 

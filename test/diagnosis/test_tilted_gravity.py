@@ -39,9 +39,9 @@ def test_what_is_held_has_no_standard_deviation():
         rows=rows,
         values=np.array([0.4, 1.2, 0.0]),
         spread=lambda i: np.full(3, 0.01),
-        covariance=lambda i, wider: np.diag(np.full(3, (wider * 0.01) ** 2)),
+        covariance=lambda columns: np.diag(np.full(3, 0.01**2)),
     )
     found = SimpleNamespace(fit=fit, clear=(0,), named=(GRAVITY,))
-    x, y, z = values_std(found, 0, 1.0)
+    x, y, z = values_std(found, 0)
     np.testing.assert_allclose([x, y], 0.01, rtol=1e-9)
     assert math.isnan(z)

@@ -7,13 +7,11 @@ import pytest
 pytest.importorskip('mujoco')
 
 from spacerobot_ros.diagnosis.diagnose import diagnose
-from spacerobot_ros.diagnosis.search import search
-from spacerobot_ros.diagnosis.search.timing import first_timing, in_words, simpler_timing
+from spacerobot_ros.diagnosis.search.search import RelinearizedSearch
+from spacerobot_ros.diagnosis.search.timing import in_words
 from spacerobot_ros.effects.catalogue import CATALOGUE
-from spacerobot_ros.effects.joints.joint_friction import ViscousFriction
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.estimation.noise_levels import noise_levels
-from spacerobot_ros.estimation.refit import refine
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
 from validation.mujoco.run import Excitation
@@ -40,9 +38,18 @@ def flown(folder, robot, seed, *effects, control='held', effort_mean=True, effor
     return case.data, load_robot_file(case.robot).robot
 
 
-def timing_of(record, robot):
+def search_of(record, robot, timing='sampled'):
     noise, _ = noise_levels(robot.sensors, record)
-    return first_timing(observed(record, robot), robot, (), noise, list(CATALOGUE.values()))
+    run = Run(observed(record, robot), robot, (), noise, timing)
+    return RelinearizedSearch(run, list(CATALOGUE.values()), lambda what, share: None)
+
+
+def searched(record, robot, timing):
+    return search_of(record, robot, timing).find()
+
+
+def timing_of(record, robot):
+    return search_of(record, robot).timing
 
 
 @pytest.mark.parametrize(('robot', 'seed'), [('ground', 3), ('ground', 6), ('pendulum', 6)])
@@ -74,32 +81,16 @@ def test_what_stands_in_for_half_an_interval_is_none_of_another_timing(tmp_path)
     """Beside a cause that is real, in a record whose noise hides when efforts act."""
     hidden = ('joint_viscous_friction', 'joint_2', {'coefficient': 1.0})
     record, robot = flown(tmp_path, 'ground', 4, hidden, control='smooth', effort_std=0.1)
-    record = observed(record, robot)
-    run = Run(record, robot, (), noise_levels(robot.sensors, record)[0], 'held_after')
-    real, false = (
-        ViscousFriction(name=joint, where=joint, values={'coefficient': size})
-        for joint, size in (('joint_2', 1.0), ('joint_1', 0.02))
-    )
-    assert simpler_timing(refine(run, [real, false])) in ('sampled', 'held_about')
-    assert simpler_timing(refine(run.timed('sampled'), [real])) is None
+    found = searched(record, robot, 'held_after')
+    assert [cause.key for cause in found.fit.causes] == [hidden[:2]]
 
 
-def test_a_search_of_another_timing_has_a_budget_of_its_own(tmp_path, monkeypatch):
-    """What was spent under the timing that proved wrong is not missing under the right one."""
+def test_two_causes_under_a_timing_that_is_not_that_of_the_record(tmp_path):
     hidden = [
         ('joint_viscous_friction', 'joint_2', {'coefficient': 1.0}),
         ('joint_torque_constant', 'joint_1', {'gain': 1.1}),
     ]
     record, robot = flown(tmp_path, 'ground', 8, *hidden)
-    record = observed(record, robot)
-    run = Run(record, robot, (), noise_levels(robot.sensors, record)[0], 'held_before')
-    monkeypatch.setattr(search, 'MOST_MODELS', 4)  # the first timing takes them all
-
-    def right(_, tried):
-        return None if 'held_about' in tried else 'held_about'
-
-    monkeypatch.setattr(search, 'better_timing', right)
-    found = search.Search(run, list(CATALOGUE.values()), lambda *_: None).find()
+    found = searched(record, robot, 'held_before')
     assert found.fit.run.timing == 'held_about'
-    assert {choice.key for choice in found.choices} == {h[:2] for h in hidden}
-    assert found.is_complete
+    assert {cause.key for cause in found.fit.causes} == {h[:2] for h in hidden}

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from spacerobot_ros.diagnosis.comparison.compare import changes_between
+from spacerobot_ros.diagnosis.comparison.compare import compare
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.model.loader import build_robot
 from spacerobot_ros.model.settings import parse_settings
@@ -62,6 +62,6 @@ def test_a_load_that_is_declared(robot):
 
 
 def test_a_load_between_two_recordings(robot):
-    found = changes_between([record(0.0, 1)], [record(LOAD, 2)], robot)
-    (i,) = found.selection.chosen
-    assert found.selection.rows.candidates[i].key == ('inertial_parameters', 'left_2_link')
+    found = compare([record(0.0, 1)], [record(LOAD, 2)], robot)
+    (change,) = found.changes
+    assert (change.effect, change.where) == ('inertial_parameters', 'left_2_link')

@@ -11,7 +11,6 @@ from spacerobot_ros.estimation.inference.evidence import (
     cross_validated,
     folds,
     inverse_of_positive,
-    log_evidence,
     score,
     sum_of,
 )
@@ -55,19 +54,6 @@ def test_bounds_hold_and_cost_gain(rng: np.random.Generator) -> None:
     bound = score(gram, sizes, (np.zeros(2), np.full(2, np.inf)), None)
     assert free.estimate[0] < 0.0 <= bound.estimate[0]
     assert bound.gain < free.gain
-
-
-@pytest.mark.parametrize('bounds', [(-np.inf, np.inf), (0.0, np.inf), (-0.1, 0.2)])
-def test_evidence_of_one_coefficient_is_that_of_a_score(
-    rng: np.random.Generator, bounds: tuple[float, float]
-) -> None:
-    """Free, at its bound, and beside it; to rounding of the same sums."""
-    for sign in (1.0, -1.0):
-        column = rng.normal(size=(40, 1))
-        gram = Gram.of(column, sign * 0.4 * column[:, 0] + rng.normal(size=40))
-        found = gram, np.array([2.0]), (np.array(bounds[:1]), np.array(bounds[1:]))
-        expected = score(*found, None).evidence
-        np.testing.assert_allclose(log_evidence(*found), expected, rtol=1e-12, atol=1e-12)
 
 
 def test_gain_without_effect_is_chi_squared(rng: np.random.Generator) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spacerobot_ros.diagnosis.search.ranking import may_rival
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.noise_levels import noise_levels
@@ -52,22 +51,6 @@ def _check_swings_are_remembered(run, fuel):
         np.testing.assert_allclose(other, alone, rtol=0.0, atol=1e-7 * np.max(np.abs(alone)))
     late = Fit(run, [applied('joint_delay', None, delay=1e-3)]).rows
     assert late.motion.swung is not rows[0].motion.swung  # its samples are of other times
-
-
-def test_a_fit_that_stays_behind_is_given_up():
-    robot = robot_file('servicer').robot
-    hidden = applied('joint_viscous_friction', 'joint_1', coefficient=5.0)
-    record = observed(simulated('servicer', 'default', 1, [hidden], 4.0), robot)
-    run = Run(record, robot, (), noise_levels(robot.sensors, record)[0], 'held_before')
-    guess = [applied('joint_viscous_friction', 'joint_1', coefficient=1.0)]
-    whole, before = refine(run, guess), run.models
-    behind = refine(run, guess, is_worth=lambda fit: may_rival(fit, whole.evidence + 1e9))
-    assert run.models == before + 1  # of the guess, whose tangents promise less
-    assert behind.causes[0].values == guess[0].values
-    for margin in (0.0, 10.0):  # a rival by less than three times `limits.EQUIVALENT`
-        top = whole.evidence + margin
-        again = refine(run, guess, is_worth=lambda fit, top=top: may_rival(fit, top))
-        assert again.causes[0].values == whole.causes[0].values
 
 
 @pytest.mark.parametrize('delay', [4e-6, 3e-4])

@@ -22,7 +22,7 @@ from support.free_flying import (
 )
 from support.rig import Rig, Wall, file_parameters
 
-from spacerobot_ros.control.adaptive.prior import load
+from spacerobot_ros.control.adaptive.parameter_prior import load
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.nodes.controller import ControllerNode

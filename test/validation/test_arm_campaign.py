@@ -96,8 +96,8 @@ def test_records_are_seeded_and_every_effect_changes_them():
 
 
 def campaign_candidates():
-    """Every candidate of a recording."""
-    return campaign._diagnosed(0, ())[1].rows.candidates
+    """Every candidate of a recording that is asked about."""
+    return list(campaign._diagnosed(0, ())[1].values())
 
 
 def test_a_seeded_subset():

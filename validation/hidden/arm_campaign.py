@@ -11,17 +11,17 @@ import json
 import math
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from operator import itemgetter
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from spacerobot_ros.diagnosis.arms.arm_conclusion import conclude_arm
 from spacerobot_ros.diagnosis.arms.arms import find_arm_causes
-from spacerobot_ros.diagnosis.arms.selection import Selection
 from spacerobot_ros.diagnosis.comparison.change_conclusion import conclude_changes
 from spacerobot_ros.diagnosis.comparison.compare import changes_between
+from spacerobot_ros.diagnosis.comparison.detectable import Detection
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.effect import Effect
 from spacerobot_ros.estimation.columns import Candidate
@@ -152,9 +152,9 @@ def run(key: str) -> TrialRecord:
     """Ask about the machine as it should be, hide a cause, ask again."""
     kind, seed, cause = json.loads(key)
     started = time.perf_counter()
-    clean, selection = _ASKED[kind](seed, ())
+    clean, candidates, detection = _ASKED[kind](seed, ())
     wall = time.perf_counter() - started
-    hidden = _drawn(selection, cause, np.random.default_rng([seed, 11]))
+    hidden = _drawn(candidates, detection, cause, np.random.default_rng([seed, 11]))
     single = _ASKED[kind](seed, (hidden,))[0] if hidden else None
     return {
         'kind': kind,
@@ -166,43 +166,59 @@ def run(key: str) -> TrialRecord:
     }
 
 
-def _diagnosed(seed: int, hidden: tuple[Effect, ...]) -> tuple[list[TrialRecord], Selection]:
-    """What is named in one recording, and the choice."""
+_Asked = tuple[list[TrialRecord], dict[int, Candidate], Detection]
+"""What is named, candidates that were asked about by the number of their hypothesis, limits."""
+
+
+def _diagnosed(seed: int, hidden: tuple[Effect, ...]) -> _Asked:
+    """What is named in one recording."""
     file = arm_file()
     record = observed(RealArm(seed, hidden).record(0), file.robot)
     kinds = list(CATALOGUE.values())
     found = find_arm_causes([record], file.robot, file.effects, kinds, lambda what, share: None)
     causes = conclude_arm(found, None, ()).causes
-    return [
-        cause_record(c.applied.id, c.applied.where, c.parameters, c.rivals) for c in causes
-    ], found.selection
+    every, candidates = found.fit.hypotheses, found.fit.rows.candidates
+    return (
+        [cause_record(c.applied.id, c.applied.where, c.parameters, c.rivals) for c in causes],
+        {i: candidates[i] for i in sorted(every.open)},
+        Detection(every, frozenset()),
+    )
 
 
-def _compared(seed: int, hidden: tuple[Effect, ...]) -> tuple[list[TrialRecord], Selection]:
-    """What is said to have changed between two recordings, and the choice."""
+def _compared(seed: int, hidden: tuple[Effect, ...]) -> _Asked:
+    """What is said to have changed between two recordings."""
     file = arm_file()
     before, after = [RealArm(seed).record(0)], [RealArm(seed, hidden).record(1)]
     found = changes_between(before, after, file.robot, file.effects)
     changes = conclude_changes(found).changes
-    return [cause_record(c.effect, c.where, c.parameters, ()) for c in changes], found.selection
+    every, candidates = found.hypotheses, found.groups.rows.candidates
+    return (
+        [cause_record(c.effect, c.where, c.parameters, c.indistinguishable_from) for c in changes],
+        {i: candidates[cast(int, every.every[i].key)] for i in sorted(every.open)},
+        Detection(every, frozenset()),
+    )
 
 
 _ASKED = {'diagnose': _diagnosed, 'compare': _compared}
 
 
-def _drawn(selection: Selection, cause: str, rng: np.random.Generator) -> Effect | None:
+def _drawn(
+    candidates: Mapping[int, Candidate],
+    detection: Detection,
+    cause: str,
+    rng: np.random.Generator,
+) -> Effect | None:
     """The cause at a place that is drawn, three times as large as its limit.
 
     None where that is more than an arm can have, or is not looked for.
     """
-    rows = selection.rows
-    fitting = [i for i in selection.live if _fits(rows.candidates[i], cause)]
+    fitting = [i for i, candidate in candidates.items() if _fits(candidate, cause)]
     if not fitting:
         return None
     i = fitting[int(rng.integers(len(fitting)))]
-    candidate = rows.candidates[i]
+    candidate = candidates[i]
     direction = _direction(candidate, rng)
-    size = MULTIPLE * selection.limit(i, direction) * direction
+    size = MULTIPLE * detection.limit(i, direction) * direction
     if not np.all(np.abs(size) <= _LARGEST * candidate.sizes):
         return None
     values = candidate.values(size)
@@ -216,7 +232,7 @@ def _fits(candidate: Candidate, cause: str) -> bool:
     wanted = {'payload': is_last, 'body': not is_last}.get(cause)
     if wanted is None:
         return candidate.kind.id == cause
-    return candidate.kind.id == 'inertial_parameters' and candidate.along is None and wanted
+    return candidate.kind.id == 'inertial_parameters' and wanted
 
 
 def _direction(candidate: Candidate, rng: np.random.Generator) -> Array:

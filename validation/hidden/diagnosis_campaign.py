@@ -230,11 +230,12 @@ def _leaves_traces(case: HiddenCase, effect: Effect) -> bool:
 
 def _answer_row(diagnosis: Diagnosis) -> dict[str, Any]:
     """What is scored of a diagnosis."""
+    every = (*diagnosis.causes, *diagnosis.minor)
     return {
         'verdict': diagnosis.verdict,
         'fit_p': diagnosis.fit_p,
         'null_p': diagnosis.null_p,
-        'evidence': max((r.evidence for r in diagnosis.ranking), default=0.0),
+        'evidence': max((c.evidence.log_odds for c in every), default=0.0),
         'after': diagnosis.gain.after,
         'causes': [_named(cause) for cause in diagnosis.causes],
         'minor': [_named(cause) for cause in diagnosis.minor],

@@ -25,7 +25,7 @@ from .law_kernel import command, into_base, reference_motion
 from .law_signals import AdaptiveSettings, Health, Measured, ParametersInForce, Target, Torques
 from .learner import Learner
 from .learning_kernel import has_moved, is_within
-from .prior import Learned, rate_noise, row_variances, standard_parameters
+from .parameter_prior import Learned, rate_noise, row_variances, standard_parameters
 from .regressors import (
     DifferencedRates,
     FilteredMomentum,

@@ -12,13 +12,14 @@ from __future__ import annotations
 import numpy as np
 
 from ...dynamics.pseudo_inertia import parameters_of, pseudo_inertia
+from ...dynamics.random_body import body_scales, deformation_widths
 from ...dynamics.tree import inertial_rows
 from ...model.robot import Robot
 from ...types import Array
 from .law_signals import AdaptiveSettings
 from .learning_kernel import descend, least_squares_step, sampled_step
-from .physical_consistency import body_scales, is_physical, natural_step, project
-from .prior import deformation_widths, prior_covariance
+from .parameter_prior import prior_covariance
+from .physical_consistency import is_physical, natural_step, project
 from .regressors import parameter_values
 
 _LEAST_SQUARES = ('adaptive_rls', 'adaptive_composite', 'adaptive_rls_paper')

@@ -15,23 +15,6 @@ _SWEEPS = 20
 _HALVINGS = 40
 
 
-def body_scales(parameters: Array) -> Array:
-    """(b, 4) scales d that make d P d of order one: by mass and radius of gyration; 0: massless.
-
-    Args:
-        parameters: (b, 10) of every body.
-    """
-    mass = np.abs(parameters[:, 0])
-    spread = np.abs(parameters[:, [4, 6, 9]]).sum(axis=1) / 2.0
-    safe_mass = np.where(mass > 0.0, mass, 1.0)
-    safe_spread = np.where(spread > 0.0, spread, 1.0)
-    scales = np.empty((len(parameters), 4))
-    scales[:, :3] = 1.0 / np.sqrt(safe_spread)[:, None]
-    scales[:, 3] = 1.0 / np.sqrt(safe_mass)
-    scales[(mass == 0.0) & (spread == 0.0)] = 0.0
-    return scales
-
-
 @inner
 def fill_pseudo_inertia(pi: Array, body: int, scale: Array, P: Array) -> None:
     """Write d P d (4, 4) of a body's ten entries of pi (p,)."""

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
+
+from scipy.special import expit
 
 from ...effects.effect import Effect, Key
 from ...effects.parameter import Parameter
@@ -29,6 +32,8 @@ class Evidence:
         p_value: Of such a gain by chance, for one candidate.
         held_out_gain: Share of the held-out excess misfit that it removes, from 0 to 1.
         placebo_gain: Largest held-out share among placebo extensions of the same size.
+        log_odds: Against the best set of causes without it.
+        elpd_gain: Log predictive density that it adds to held-out parts.
     """
 
     log_likelihood_gain: float = math.nan
@@ -36,6 +41,15 @@ class Evidence:
     p_value: float = math.nan
     held_out_gain: float = math.nan
     placebo_gain: float = math.nan
+    log_odds: float = math.nan
+    elpd_gain: float = math.nan
+
+    json_too: ClassVar[tuple[str, ...]] = ('probability',)
+
+    @property
+    def probability(self) -> float:
+        """That it is a cause, were there only the best set with it and the best one without."""
+        return float(expit(self.log_odds))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,12 +59,14 @@ class Rival:
     Args:
         effect: Its id. where: Its place. bic_gap: By how much it fits worse.
         motion: The motion that would separate the two.
+        log_odds: Of the named cause against the best set with this one in its place.
     """
 
     effect: str
     where: str | None
-    bic_gap: float
+    bic_gap: float = math.nan
     motion: str = ''
+    log_odds: float = math.nan
 
     @property
     def key(self) -> Key:

@@ -1,4 +1,4 @@
-"""A diagnosis as plain values: `diagnosis.json` (schema 1, docs/diagnosis.md)."""
+"""A diagnosis as plain values: `diagnosis.json` (schema 3, docs/diagnosis.md)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .cause import Cause
 from .closed_loop_gain import ClosedLoopGain
 from .result import Diagnosis
 
-SCHEMA = 2
+SCHEMA = 3
 EXTENDED_MODEL = 'extended_model.yaml'
 
 

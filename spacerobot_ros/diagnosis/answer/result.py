@@ -208,6 +208,19 @@ class Leftover:
         return json_fields(self) | {'kind': self.kind or None, 'learned': learned}
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Covariance:
+    """Of the values of named causes.
+
+    Args:
+        names: (k,) effect/place/parameter: 'joint_viscous_friction/joint_2/coefficient'.
+        matrix: (k, k); NaN between values of causes that were put together afterwards.
+    """
+
+    names: tuple[str, ...]
+    matrix: Array
+
+
 @dataclass(frozen=True, slots=True)
 class Order:
     """A line of a raw signal against an angle: of a joint's effort against its own, or a wheel's.
@@ -266,6 +279,7 @@ class Diagnosis:
         ratios: There, what holds for any scale of the torques, where none is measured.
         free_motion: There, how far joints without a motor are predicted (before, after).
         events: What came from outside once; None where that was not looked for.
+        covariance: Of the named values; None where it was not computed.
         method: How it was judged.
     """
 
@@ -289,4 +303,5 @@ class Diagnosis:
     ratios: tuple[Ratio, ...] = ()
     free_motion: tuple[FreeMotion, ...] = ()
     events: Events | None = None
+    covariance: Covariance | None = None
     method: Method = json_as(default='prediction')

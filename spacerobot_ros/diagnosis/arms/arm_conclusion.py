@@ -5,16 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 
-from ...effects.effect import Effect
+from ...effects.effect import Effect, Key
+from ...estimation.balance.arm_candidates import GAIN
+from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.balance import Balance, rms
-from ...estimation.inference.evidence import chi_square_tail
 from ...estimation.rows import ChannelError
 from ...estimation.scaling import PROPORTIONAL, coordinate_of, origin_of
+from ...inference.inferred import InferredCause
+from ...inference.validation import HeldOut
 from ...types import Array
-from ..answer.cause import Cause, Estimated, Evidence, Ranked
+from ..answer.cause import Cause, Estimated, Evidence, Rival
 from ..answer.event_answer import with_events
 from ..answer.free_motion import free_motion
 from ..answer.residuals import series
@@ -23,13 +27,11 @@ from ..answer.words import laws_in_words, verdict_of
 from ..events.event import Events
 from ..limits import RELEVANT
 from ..orders.orders import find_orders
-from .arm_evidence import rivals_of
 from .arm_found import WORSE, ArmFound, still_words, touched_notes
-from .arm_spread import birge_of, scatter_of, usual_scatter, values_std, whole_std
-from .arm_verdict import Left, laws_that_matter, overall, sentence
+from .arm_spread import covariance_of, values_std, whole_std
+from .arm_verdict import Left, doubts, laws_that_matter, overall, sentence
 from .friction_law import friction_laws
 from .ratios import ratios, scale_notes
-from .selection import Selection
 from .spring_rest import with_rests
 from .two_directions import direction_notes, with_directions
 
@@ -44,12 +46,11 @@ def conclude_arm(
         leftover: What that depends on; None: not asked.
         notes: What else a user should know.
     """
-    order = sorted(
-        range(len(found.clear)),
-        key=lambda k: -found.selection.gain(found.clear[k]),
-    )
-    usual = usual_scatter(found)
-    causes = with_rests([_cause(found, k, usual) for k in order], found.robot)
+    held_out = HeldOut(found.fit.hypotheses, found.fit.chosen)
+    before, after = held_out.squares()
+    excess = max(float(np.sum(after)) - found.fit.blocks.whole.rows, 1.0)
+    order = sorted(range(len(found.clear)), key=lambda k: -found.causes[found.clear[k]].log_odds)
+    causes = with_rests([_cause(found, k, excess) for k in order], found.robot)
     causes = with_directions(causes, found.robot, found.constants)
     constants = tuple(_constant(found, effect) for effect in found.constants)
     named = tuple(c for c in causes if c.relevant)
@@ -59,7 +60,11 @@ def conclude_arm(
     laws = laws_that_matter(found, left, leftover or ())
     has_unclear = len(found.fit.chosen) > len(found.clear) + len(found.learned)
     words = sentence(verdict, named, left, has_unclear=has_unclear) + laws_in_words(laws)
-    if laws:  # a law is no named cause, and it is no noise
+    pairs = zip(found.clear, found.named, strict=True)
+    doubtful = [*doubts((found.causes[i], (e.id, e.where)) for i, e in pairs)]
+    if laws or (
+        doubtful and verdict == 'explained'
+    ):  # a law is no named cause, and it is no noise
         verdict = 'partly_explained'
     channels = series(
         _levelled(found.fit.rows.balances[0].channels(), found.levels),
@@ -82,21 +87,22 @@ def conclude_arm(
         minor=minor,
         residuals=residuals,
         series=channels,
-        gain=_gain(found),
-        ranking=tuple(_ranked(found.first)),
+        gain=_gain(before, after, found.fit.blocks.whole.rows),
         notes=(
             *notes,
             *touched_notes(found.fit.rows.balances),
             *scale_notes(found),
             *direction_notes(named, found.robot),
+            *doubtful,
         ),
         calibration=(*(c.applied for c in minor), *found.calibration),
         recordings=_recordings(found),
         friction=friction_laws(found),
         leftover=leftover,
         orders=None if leftover is None else _orders(found),
-        ratios=ratios(found, usual),
+        ratios=ratios(found),
         free_motion=free_motion(found.fit.rows.balances, found.extended),
+        covariance=covariance_of(found, named),
         method='balance',
     )
     return with_events(diagnosis, found.events.events)
@@ -119,10 +125,16 @@ def still_answer(balances: Sequence[Balance], events: Events) -> Diagnosis:
     return with_events(answer, events)
 
 
-def _cause(found: ArmFound, k: int, usual: float) -> Cause:
-    """A cause with what speaks for it beside all others."""
+def _cause(found: ArmFound, k: int, excess: float) -> Cause:
+    """A cause with what speaks for it beside all others.
+
+    Args:
+        found: The causes.
+        k: Number of the cause among those that are named.
+        excess: Squares that are left of held-out rows with all causes, beyond one a row.
+    """
     fit, i = found.fit, found.clear[k]
-    applied = found.named[k]
+    applied, inferred = found.named[k], found.causes[i]
     share = max(fit.share(i), 1e-9)
     thresholds = [
         replace(p, relevant=RELEVANT / share * abs(coordinate_of(p, value) - origin_of(p)))
@@ -130,9 +142,7 @@ def _cause(found: ArmFound, k: int, usual: float) -> Cause:
         else p
         for p, value in ((p, applied.values[p.name]) for p in applied.parameters)
     ]
-    scatter, dof = scatter_of(found, i)
-    birge = birge_of(found, i, usual)
-    stds = values_std(found, i, birge)
+    elpd = float(np.sum(inferred.gains))
     return Cause(
         applied=applied,
         parameters={
@@ -141,32 +151,43 @@ def _cause(found: ArmFound, k: int, usual: float) -> Cause:
                 std=whole_std(found, k, p.name, std),
                 unit=applied.unit_at(found.robot, applied.where, p),
             )
-            for p, std in zip(applied.parameters, stds, strict=True)
+            for p, std in zip(applied.parameters, values_std(found, i), strict=True)
         },
-        evidence=found.evidence[i],
-        rivals=rivals_of(found.selection, i),
+        evidence=Evidence(
+            held_out_gain=2.0 * elpd / (2.0 * elpd + excess),
+            log_odds=inferred.log_odds,
+            elpd_gain=elpd,
+        ),
+        rivals=rivals_of(found.fit.rows, inferred),
         thresholds={p.name: p for p in thresholds},
         relevant=share > RELEVANT,
-        constant_p=chi_square_tail(scatter / birge**2, dof),
-        held_out_recordings=_by_recording(found, i),
+        held_out_recordings=tuple(inferred.gains.tolist()) if len(found.records) > 1 else None,
     )
+
+
+def rivals_of(rows: ArmRows, inferred: InferredCause) -> tuple[Rival, ...]:
+    """What could stand in a cause's place as well, each once: of all or of one recording."""
+    out: dict[Key, Rival] = {}
+    for other in inferred.rivals:
+        for number in other.causes:
+            c = rows.candidates[cast(int, number)]
+            rival = Rival(effect=c.kind.id, where=c.where, log_odds=other.log_odds)
+            out.setdefault(rival.key, rival)
+    return tuple(out.values())
 
 
 def _constant(found: ArmFound, effect: Effect) -> Cause:
     """A motor constant that nobody stated; as uncertain as a gain of its torques."""
-    rows, posterior = found.fit.rows, found.fit.posterior
+    rows = found.fit.rows
     keys = [candidate.key for candidate in rows.candidates]
-    i = keys.index(('joint_torque_constant', effect.where))
-    (at,) = rows.places[i]
-    scatter, dof = scatter_of(found, i)
-    birge = max(1.0, scatter / dof)
-    std = math.sqrt(birge * float(posterior.covariance[at, at]))
+    i = keys.index((GAIN, effect.where))
+    (std,) = found.fit.spread(i)
     return Cause(
         applied=effect,
         parameters={
             p.name: Estimated(
                 value=effect.values[p.name],
-                std=std * effect.values[p.name],
+                std=float(std) * effect.values[p.name],
                 unit=effect.unit_at(found.robot, effect.where, p),
             )
             for p in effect.parameters
@@ -174,14 +195,7 @@ def _constant(found: ArmFound, effect: Effect) -> Cause:
         evidence=Evidence(),
         thresholds={p.name: replace(p, relevant=0.0) for p in effect.parameters},
         relevant=True,
-        constant_p=chi_square_tail(scatter / birge, dof),
     )
-
-
-def _by_recording(found: ArmFound, i: int) -> tuple[float, ...] | None:
-    """Log evidence that a cause adds to each recording; None where only one could judge it."""
-    gains = found.selection.held_out(i)
-    return tuple(gains.tolist()) if found.selection.parts.are_recordings(i) else None
 
 
 def _levelled(channels: Sequence[ChannelError], levels: Array) -> list[ChannelError]:
@@ -192,32 +206,12 @@ def _levelled(channels: Sequence[ChannelError], levels: Array) -> list[ChannelEr
     ]
 
 
-def _gain(found: ArmFound) -> Gain:
+def _gain(before: Array, after: Array, count: int) -> Gain:
     """Held-out errors by the level of what is left, each part with values from the others."""
-    selection = found.selection
-    count = selection.whole.rows
-    before = sum(fold.part.square for fold in selection.parts.folds())
-    after = selection.held_out_misfit(found.fit.chosen)
-    return Gain(before=math.sqrt(before / count), after=math.sqrt(after / count))
-
-
-def _ranked(first: Selection) -> list[Ranked]:
-    out = []
-    for i, margin in first.ranking():
-        c, judged = first.rows.candidates[i], first.score(i)
-        if c.recordings is not None:
-            continue
-        out.append(
-            Ranked(
-                effect=c.kind.id,
-                where=c.where,
-                values=c.values(judged.estimate),
-                evidence=margin + first.need(i),
-                log_likelihood_gain=0.5 * judged.gain,
-                p_value=judged.p_value,
-            )
-        )
-    return sorted(out, key=lambda r: -r.evidence)
+    return Gain(
+        before=math.sqrt(float(np.sum(before)) / count),
+        after=math.sqrt(float(np.sum(after)) / count),
+    )
 
 
 def _recordings(found: ArmFound) -> tuple[RecordingMisfit, ...]:

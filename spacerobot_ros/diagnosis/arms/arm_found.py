@@ -4,30 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from ...effects.effect import Effect
 from ...errors import RecordingError
-from ...estimation.balance.arm_fit import ArmFit
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.balance import Balance, balance_of, rms
+from ...inference.inferred import InferredCause
 from ...model.robot import Robot
 from ...recording.record import Record
 from ...types import Array
-from ..answer.cause import Evidence
 from ..events.arm_events import ArmEvents
 from ..events.event import Spans
-from ..limits import CHANCE, ENOUGH_ROWS, FEWEST_ROWS
-from .selection import Selection
+from ..limits import ENOUGH_ROWS, FEWEST_ROWS
+from .fitted_arm import FittedArm
 
 WORSE = 1.02
 """Of a joint's rms in a recording as it is: the most that an extended model may leave of it."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ArmFound:
     """What a search says.
 
@@ -35,12 +34,9 @@ class ArmFound:
         records: The recordings.
         robot: The robot file's robot.
         believed: Its own effects.
-        first: The search before anything was chosen, whose ranking is shown.
-        selection: Its end.
         fit: The chosen causes with values.
-        evidence: Of every chosen cause.
+        causes: What speaks for each of them, by number.
         levels: (2 n, 8) variances of every joint's leftover, see `ArmRows.joints` [N^2 m^2].
-        weights: (R, n) how many times as much rows say of the values, see `ArmRows.parts`.
         constants: Motor constants of currents that nobody made torques, estimated beside all.
         clear: Numbers of the causes that are named. named: The same as they are applied.
         calibration: What is applied beside them without a name: causes that are not clear of
@@ -52,12 +48,9 @@ class ArmFound:
     records: tuple[Record, ...]
     robot: Robot
     believed: tuple[Effect, ...]
-    first: Selection
-    selection: Selection
-    fit: ArmFit
-    evidence: Mapping[int, Evidence]
+    fit: FittedArm
+    causes: Mapping[int, InferredCause]
     levels: Array
-    weights: Array
     clear: tuple[int, ...] = ()
     named: tuple[Effect, ...] = ()
     calibration: tuple[Effect, ...] = ()
@@ -79,6 +72,17 @@ class ArmFound:
         return np.array([rms([after]) / rms([before]) for before, after in pairs])
 
 
+def without_harm(found: ArmFound) -> ArmFound:
+    """The same, or without what has no name where that leaves the worst joint better.
+
+    Tolerances far outside of what they are help one joint and harm another.
+    """
+    if not np.any(found.ratios > WORSE):
+        return found
+    bare = replace(found, calibration=())
+    return min(found, bare, key=lambda some: float(np.nanmax(some.ratios)))
+
+
 def balances_of(
     records: Sequence[Record],
     robot: Robot,
@@ -90,24 +94,6 @@ def balances_of(
         balance_of(record, robot, [e for e in effects if e.is_of(run)], spans)
         for run, (record, spans) in enumerate(zip(records, left_out, strict=True))
     ]
-
-
-def is_clear(
-    fit: ArmFit, i: int, birge: float = 1.0, which: Sequence[int] | slice = slice(None)
-) -> bool:
-    """Whether a cause or a law is no chance: all its numbers together.
-
-    Of ten one is two deviations off by chance on four records in ten, and two that share one
-    torque may each be uncertain where their sum is not. What is not clear predicts, too, and stays
-    in the model without a name.
-
-    Args:
-        fit: All causes.
-        i: One of them.
-        birge: Times by which it is less certain than its fit says.
-        which: Of its coefficients; all others are free.
-    """
-    return fit.chance(i, birge, which) < CHANCE
 
 
 def refuse_rest(balances: Sequence[Balance], records: Sequence[Record]) -> None:

@@ -1,31 +1,24 @@
-"""How sure the values of an arm's causes are: scatter between the parts of the data, and more."""
+"""Standard deviations of the parameters of an arm's causes."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import chdtri
 
 from ...effects.effect import Effect
 from ...effects.parameter import Parameter
-from ...estimation.balance.arm_priors import (
-    DRY,
-    NOTHING,
-    RUN_TO_RUN,
-    Machine,
-    is_kind_of,
-    torque_tolerance,
-)
-from ...estimation.inference.evidence import score
+from ...effects.prior import NOTHING, RUN_TO_RUN
+from ...estimation.balance.arm_priors import DRY, Machine, is_kind_of, torque_tolerance
 from ...estimation.scaling import value_std
 from ...types import Array, BoolArray
-from ..limits import ALIKE
-from .arm_found import ArmFound, is_clear
+from ..answer.cause import Cause
+from ..answer.result import Covariance
+from .arm_found import ArmFound
 
 
-def values_std(found: ArmFound, i: int, birge: float) -> list[float]:
+def values_std(found: ArmFound, i: int) -> list[float]:
     """Standard deviations of a candidate's parameters from the covariance of its coefficients.
 
         std^2 = diag(J V J'), J = d parameters / d coefficients
@@ -35,21 +28,54 @@ def values_std(found: ArmFound, i: int, birge: float) -> list[float]:
     Args:
         found: The causes.
         i: One of them.
-        birge: Times by which it is less certain than its fit says.
     """
-    candidate, applied = found.fit.rows.candidates[i], found.named[found.clear.index(i)]
+    applied, slopes = found.named[found.clear.index(i)], _slopes(found, i)
     own = found.fit.rows.places[i]
-    mean, steps = found.fit.values[own], 1e-3 * found.fit.spread(i)
     held = _held(found.fit.rows.sizes[own], applied)
-    here = candidate.values(mean)
-    moved = [candidate.values(mean + step) for step in np.diag(steps)]
-    names = [p.name for p in applied.parameters]
-    slopes = np.array([[(m[n] - here[n]) for m in moved] for n in names]) / steps
-    variances = np.sum((slopes @ found.fit.covariance(i, birge)) * slopes, axis=1)
+    variances = np.sum((slopes @ found.fit.covariance(own)) * slopes, axis=1)
     stds = np.where(np.any(slopes[:, held], axis=1), math.nan, np.sqrt(variances))
     return [
         _std(p, applied, std) for p, std in zip(applied.parameters, stds.tolist(), strict=True)
     ]
+
+
+def _slopes(found: ArmFound, i: int) -> Array:
+    """(P, k) derivatives of a candidate's parameters by its coefficients."""
+    candidate, own = found.fit.rows.candidates[i], found.fit.rows.places[i]
+    mean, steps = found.fit.values[own], 1e-3 * found.fit.spread(i)
+    here = candidate.values(mean)
+    moved = [candidate.values(mean + step) for step in np.diag(steps)]
+    names = [p.name for p in found.named[found.clear.index(i)].parameters]
+    return np.array([[(m[n] - here[n]) for m in moved] for n in names]) / steps
+
+
+def covariance_of(found: ArmFound, causes: Sequence[Cause]) -> Covariance | None:
+    """Of the values of named causes, whose variances are those that are said with them.
+
+    Args:
+        found: The causes as they were found.
+        causes: As they are named; what was put together of several has no covariances.
+    """
+    numbers = {effect.key: i for effect, i in zip(found.named, found.clear, strict=True)}
+    entries = [
+        (cause.applied, name, estimated.std)
+        for cause in causes
+        for name, estimated in cause.parameters.items()
+        if math.isfinite(estimated.std)
+    ]
+    rows = np.zeros((len(entries), len(found.fit.rows.sizes)))
+    for row, (applied, name, _) in zip(rows, entries, strict=True):
+        i = numbers.get(applied.key)
+        names = [p.name for p in applied.parameters]
+        if i is None or names != [p.name for p in found.named[found.clear.index(i)].parameters]:
+            row[:] = math.nan
+            continue
+        row[found.fit.rows.places[i]] = _slopes(found, i)[names.index(name)]
+    used = np.flatnonzero(np.any(rows != 0.0, axis=0))
+    matrix = rows[:, used] @ found.fit.covariance(used) @ rows[:, used].T
+    np.fill_diagonal(matrix, [std**2 for *_, std in entries])
+    where = ('/'.join(filter(None, (a.id, a.where, name))) for a, name, _ in entries)
+    return Covariance(names=tuple(where), matrix=matrix) if entries else None
 
 
 def _std(p: Parameter, applied: Effect, std: float) -> float:
@@ -77,46 +103,3 @@ def whole_std(found: ArmFound, k: int, name: str, std: float) -> float:
     if applied.id == 'inertial_parameters':
         return math.hypot(std, float(np.max(torque_tolerance(found.robot))) * value)
     return std
-
-
-def scatter_of(found: ArmFound, i: int) -> tuple[float, float]:
-    """Chi-square of a cause's coefficients between the parts of the data, and its freedom."""
-    posterior, own = found.fit.posterior, found.fit.rows.places[i]
-    total, dof = 0.0, 0.0
-    free = (np.full(len(own), -np.inf), np.full(len(own), np.inf))
-    deviations = posterior.precision**-0.5
-    for fold in found.selection.parts.folds(i):
-        part = fold.part
-        if not part.rows:
-            continue
-        left = part.vector - part.matrix @ posterior.mean
-        beside = found.selection.posterior(found.fit.chosen, part)
-        alone = replace(beside, mean=beside.covariance @ left).group(own)
-        judged = score(alone, deviations[own], free, None)
-        total, dof = total + judged.gain, dof + judged.dof
-    return total, max(dof - len(own), 1.0)
-
-
-def clear_causes(found: ArmFound) -> tuple[int, ...]:
-    """Chosen causes that are clear, their deviations as printed."""
-    usual = usual_scatter(found)
-    return tuple(i for i in found.fit.chosen if is_clear(found.fit, i, birge_of(found, i, usual)))
-
-
-def birge_of(found: ArmFound, i: int, usual: float) -> float:
-    """Times by which a cause is less certain than its fit says (Birge's ratio).
-
-    By its own scatter between the parts of the data and the usual one of all causes, which counts
-    like `ALIKE` numbers more: of two parts alone a scatter has next to no size.
-    """
-    total, dof = scatter_of(found, i)
-    return math.sqrt(max(1.0, (total + ALIKE * usual) / (dof + ALIKE)))
-
-
-def usual_scatter(found: ArmFound) -> float:
-    """Scatter by its freedom of the middle one of all causes; half of them have less by chance.
-
-    Two more are as constant as the fit says: of few causes the middle one is any.
-    """
-    scatters = [scatter_of(found, i) for i in found.fit.chosen]
-    return float(np.median([1.0, 1.0, *(total / chdtri(dof, 0.5) for total, dof in scatters)]))

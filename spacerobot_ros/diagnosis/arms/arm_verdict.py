@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...effects.effect import Effect
-from ...estimation.balance.arm_priors import RUN_TO_RUN, torque_tolerance
+from ...effects.effect import Effect, Key
+from ...effects.prior import RUN_TO_RUN
+from ...estimation.balance.arm_priors import torque_tolerance
+from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.balance import Balance, own_noise_in_band, rms
+from ...inference.decisive import IMPLAUSIBLE
+from ...inference.inferred import InferredCause
 from ...model.robot import Robot
-from ...types import Array, BoolArray
+from ...types import Array, BoolArray, IntArray
 from ..answer.cause import Cause
 from ..answer.result import Leftover
-from ..answer.words import cause_in_words, first_few
+from ..answer.words import at, cause_in_words, first_few
 from ..limits import CLEAR, FULL_SCALE, LIKE_NOISE, RELEVANT
 from .arm_found import ArmFound
 
@@ -101,6 +105,16 @@ def laws_that_matter(found: ArmFound, left: Left, leftover: Sequence[Leftover]) 
     return out
 
 
+def doubts(named: Iterable[tuple[InferredCause, Key]]) -> Iterator[str]:
+    """What is named, effect and place, and larger than plausible."""
+    for cause, (effect, where) in named:
+        if cause.slabs > IMPLAUSIBLE:
+            yield (
+                f'{effect}{at(where)} is {cause.slabs:.2g} times as large as is plausible there: '
+                'it may stand for something else'
+            )
+
+
 def _share(found: ArmFound, law: Effect) -> float:
     """Rms of a law's torque by `ArmRows.judged_by` of its joint, where that moves."""
     j, total, count = found.robot.joints.index(str(law.where)), 0.0, 0
@@ -151,8 +165,29 @@ def _usual(found: ArmFound) -> Array:
     gain = torque_tolerance(found.robot) * rows.scale
     noise = np.sqrt(np.mean([own_noise_in_band(b) ** 2 for b in found.extended], axis=0))
     scale = FULL_SCALE * full_scale(found.robot, found.extended)
-    parts = (rows.torque_of(deviations), gain, LIKE_NOISE * noise, scale)
+    parts = (_torque_of(rows, deviations), gain, LIKE_NOISE * noise, scale)
     return np.asarray(np.linalg.norm(parts, axis=0))
+
+
+def _torque_of(rows: ArmRows, deviations: Array) -> Array:
+    """(n,) standard deviation of the torques of coefficients (K,) like these [N m].
+
+    What bodies are off by goes together as their spikes say. Root mean square over the rows where
+    a joint moves; NaN of one that never does.
+    """
+    deviations, roots = deviations.copy(), list[tuple[IntArray, Array]]()
+    for candidate, own in zip(rows.candidates, rows.places, strict=True):
+        if candidate.prior is not None and candidate.prior.spike.ndim > 1:
+            values, vectors = np.linalg.eigh(candidate.prior.spike)
+            roots.append((own, vectors * np.sqrt(np.maximum(values, 0.0))))
+            deviations[own] = 0.0
+    out = []
+    for joint in rows.joints[: rows.robot.n_joints]:
+        power = np.sum((joint.columns * deviations) ** 2, axis=1)
+        for own, root in roots:
+            power += np.sum((joint.columns[:, own] @ root) ** 2, axis=1)
+        out.append(math.sqrt(np.mean(power)) if len(power) else math.nan)
+    return np.array(out)
 
 
 def full_scale(robot: Robot, balances: Sequence[Balance]) -> Array:

@@ -2,35 +2,38 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 
 from ...effects.effect import Effect
 from ...errors import ConfigurationError
-from ...estimation.balance.arm_fit import ArmFit
+from ...estimation.balance.arm_candidates import GAIN
 from ...estimation.balance.arm_levels import leftover_levels
 from ...estimation.balance.arm_priors import DRY, is_kind_of
 from ...estimation.balance.arm_rows import ArmRows
-from ...estimation.balance.arm_rows_about import about_delay, about_loads
+from ...estimation.balance.arm_rows_about import about_loads, about_readings
 from ...estimation.balance.motor_constants import first_constants, scaled_constant
+from ...estimation.columns import Candidate
+from ...inference.gram_blocks import GramBlocks
+from ...inference.hypotheses import Hypotheses
+from ...inference.inferred import Inferred, infer
+from ...inference.model_search import ChosenSet, best_set
 from ...model.robot import Robot
 from ...recording.record import Record
 from ...types import Array
-from ..answer.cause import Evidence
 from ..events.arm_events import arm_events
 from ..events.event import Spans
-from .applicable import applicable, plain_of
-from .arm_evidence import evidence_of
-from .arm_found import ArmFound, balances_of, refuse_rest, refuse_short
-from .held_out_checks import check_bodies, check_held_out, check_plain, check_refinements
-from .selection import Selection
-from .spectral_check import check_spectrum
+from ..limits import CHANCE
+from .arm_found import ArmFound, balances_of, refuse_rest, refuse_short, without_harm
+from .arm_hypotheses import arm_hypotheses, blocks_of
+from .fitted_arm import FittedArm
+from .spectral_level import SpectralRows
 
 _ROUNDS = 4
-_DELAY = 'effort_delay'
+_AT_BOUND = 0.999  # of it
 _SETTLED = 1e-3  # of a motor constant, from round to round
 
 
@@ -71,10 +74,10 @@ def find_arm_causes(
 
 def constant_gains(found: ArmFound) -> dict[str, float]:
     """By joint, what the balance wants of torques by an estimated motor constant, more than 1."""
-    rows, mean = found.fit.rows, found.fit.posterior.mean
+    rows, mean = found.fit.rows, found.fit.mean
     gains = {str(c.where): 1.0 for c in found.constants}
     for candidate, at in zip(rows.candidates, rows.places, strict=True):
-        if candidate.kind.id == 'joint_torque_constant' and candidate.where in gains:
+        if candidate.kind.id == GAIN and candidate.where in gains:
             gains[candidate.where] = 1.0 / (1.0 - min(float(mean[at[0]]), 0.9))
     return gains
 
@@ -103,143 +106,99 @@ def _found(
         rows = ArmRows.of(balances_of(records, robot, believed, events.left_out), kinds)
         rows = rows.with_own(loaded)
         refuse_rest(rows.balances, records)
-    rows = rows.with_masses()  # beside these, what lasts for a while would pass for an event
     report('finding the level of what no cause explains', 0.2)
     zeros = rows.own_zeros
     usual = [i for i in range(len(rows.candidates)) if i not in zeros]
-    parts = rows.parts(leftover_levels(rows, rows.deviations(usual), rows.friction))
-    first, rough = (Selection(rows, parts, rows.recording, rows.held) for _ in range(2))
+    levels = leftover_levels(rows, rows.deviations(usual), rows.friction)
     report('choosing causes', 0.4)
-    rough.run()
-    rough = _with_zeros(rough, zeros)
-    rows = rows.linearized(ArmFit(rows, rough.whole, tuple(rough.chosen)).posterior.mean)
-    rows = _delayed(rows, rough, records, believed, events.left_out)
+    rough = _chosen(rows, levels, zeros)
+    if zeros:  # of single recordings: judged at the level that is left beside all of them
+        beside = _chosen(rows, levels_of(rows, rough, zeros), ())
+        rough = rough if set(zeros).isdisjoint(beside.chosen) else beside
+    rows = rows.linearized(rough.mean)
+    rows = _about(rows, rough, records, believed, events.left_out)
     levels = levels_of(rows, rough)
     report('choosing causes at the level that is left', 0.6)
-    selection = Selection.of(rows, levels)
-    selection.run()
-    _check(selection, levels)
-    selection = _loaded(selection, levels, records, believed, events.left_out)
-    evidence = _beyond_placebos(selection, levels)
-    report('fitting all causes together', 0.8)
+    blocks = blocks_of(rows, levels)
+    inferred = _inferred(rows, blocks)
+    causes = {cast(int, c.key): c for c in inferred.causes}
+    fit = FittedArm(rows, blocks, tuple(sorted(causes)))
+    unsupported = SpectralRows(rows, levels, fit.hypotheses.every).unsupported(fit)
+    clear = tuple(i for i in fit.chosen if fit.chance(i) < CHANCE and i not in unsupported)
+    unclear = [i for i in fit.chosen if i not in clear]
     found = ArmFound(
-        tuple(records),
-        robot,
-        tuple(believed),
-        first,
-        selection,
-        ArmFit(selection.rows, selection.whole, ()),
-        evidence,
-        np.array(levels),
-        _equal(selection),
+        records=tuple(records),
+        robot=robot,
+        believed=tuple(believed),
+        fit=fit,
+        causes=causes,
+        levels=np.array(levels),
+        clear=clear,
+        named=tuple(fit.effects(clear)),
+        calibration=tuple(fit.effects([*unclear, *fit.calibration])),
         events=events,
     )
-    return applicable(found)
+    return without_harm(found)
 
 
-def _check(selection: Selection, levels: Sequence[Array]) -> None:
-    """Keep what holds. What had given way to a cause that does not is asked again, and checked."""
-    gone: set[int] = set()
-    while True:
-        before = set(selection.chosen)
-        check_held_out(selection)
-        for check in (check_refinements, check_bodies, check_plain):
-            check(selection, plain_of(selection, levels, _equal(selection)))
-        gone |= check_spectrum(selection, levels)
-        gone |= before - set(selection.chosen)
-        if not gone or not selection.ask_again(gone):
-            return
+def _inferred(rows: ArmRows, blocks: GramBlocks) -> Inferred:
+    """What the rows say; torques that do not follow from the model at all have no gain."""
+    every = arm_hypotheses(rows)
+
+    def at_bound(hypotheses: Hypotheses, found: ChosenSet) -> list[int]:
+        mean = hypotheses.mean(found.marginal, found.chosen)
+        gains = (i for i in found.chosen if rows.candidates[i].kind.id == GAIN)
+        return [i for i in gains if mean[rows.places[i][0]] > _AT_BOUND * every[i].most[0]]
+
+    return infer(blocks, every, refused=at_bound)
 
 
-def _equal(selection: Selection) -> Array:
-    """(R, n) weights of rows that all count once."""
-    rows = selection.rows
-    return np.ones((len(rows.balances), rows.robot.n_joints))
+def _chosen(rows: ArmRows, levels: Sequence[Array], barred: Collection[int]) -> FittedArm:
+    """The best set of causes, nothing of it validated yet."""
+    out = FittedArm.of(rows, levels, ())
+    return replace(out, chosen=tuple(sorted(best_set(out.hypotheses, barred=barred).chosen)))
 
 
-def _with_zeros(rough: Selection, zeros: Sequence[int]) -> Selection:
-    """The choice with zeros of single recordings, where it wants any.
-
-    They are judged at the level that is left beside all of them: they would pass for its slow part
-    otherwise, and it for them where none is wanted.
-    """
-    if not zeros:
-        return rough
-    rows = rough.rows
-    beside = Selection.of(rows, levels_of(rows, rough, zeros))
-    beside.chosen = list(rough.chosen)
-    if not any(margin > 0.0 and i in zeros for i, margin in beside.ranking()):
-        return rough
-    beside.run()
-    return beside
-
-
-def _delayed(
+def _about(
     rows: ArmRows,
-    rough: Selection,
+    rough: FittedArm,
     records: Sequence[Record],
     believed: Sequence[Effect],
     left_out: Sequence[Spans],
 ) -> ArmRows:
-    """Rows about the delay of efforts that was chosen, if one was, see `about_delay`."""
-    kinds = [rows.candidates[i].kind.id for i in rough.chosen]
-    if _DELAY not in kinds:
+    """Rows about a model that has what was found, where columns hold for small causes."""
+    effects = rough.effects([*rough.chosen, *rough.calibration])
+    read = [i for i in rough.chosen if _is_of_readings(rows.candidates[i])]
+    if not read and not any(e.follows_load for e in effects):
         return rows
-    i = rough.chosen[kinds.index(_DELAY)]
-    fit = ArmFit(rows, rough.whole, tuple(rough.chosen))
-    (delay,) = fit.effects([i])
     try:
-        whole = balances_of(records, rows.robot, (*believed, *fit.effects(fit.chosen)), left_out)
+        moving = [e for e in effects if e.acts('force') or e.acts('change')]
+        whole = balances_of(records, rows.robot, (*believed, *moving), left_out)
+        rows = about_loads(rows, whole, rough.chosen)
+        if read:
+            known = rough.effects(read)
+            whole = balances_of(records, rows.robot, (*believed, *moving, *known), left_out)
+            undone = balances_of(records, rows.robot, (*believed, *known), left_out)
+            values = {i: rough.values[rows.places[i]] for i in read}
+            rows = about_readings(rows, values, undone, whole)
     except ConfigurationError:  # together they are no robot
-        return rows
-    undone = balances_of(records, rows.robot, (*believed, delay), left_out)
-    return about_delay(rows, i, delay['delay'], undone, whole)
+        pass
+    return rows
 
 
-def _loaded(
-    selection: Selection,
-    levels: Sequence[Array],
-    records: Sequence[Record],
-    believed: Sequence[Effect],
-    left_out: Sequence[Spans],
-) -> Selection:
-    """The choice on rows with friction of the load that all of it makes, see `about_loads`."""
-    rows = selection.rows
-    fit = ArmFit(rows, selection.whole, tuple(selection.chosen))
-    found = fit.effects([*fit.chosen, *fit.calibration])
-    if not any(e.follows_load for e in found):
-        return selection
-    moving = [e for e in found if e.acts('force') or e.acts('change')]
-    try:
-        balances = balances_of(records, rows.robot, (*believed, *moving), left_out)
-    except ConfigurationError:  # together they are no robot
-        return selection
-    out = Selection.of(about_loads(rows, balances, fit.chosen), levels)
-    out.chosen = list(selection.chosen)
-    return out
+def _is_of_readings(candidate: Candidate) -> bool:
+    """Whether a cause changes at which angles or times torques were, in all recordings."""
+    kind = candidate.kind
+    is_late = kind.acts('delay') or kind.acts('joint_delays')
+    return candidate.recordings is None and (is_late or kind.id == 'encoder_offset')
 
 
-def levels_of(rows: ArmRows, chosen: Selection, more: Sequence[int] = ()) -> list[Array]:
+def levels_of(rows: ArmRows, chosen: FittedArm, more: Sequence[int] = ()) -> list[Array]:
     """(8,) variances of each joint, with what is chosen, and more, beside the tolerances."""
-    fit = ArmFit(rows, chosen.whole, tuple(chosen.chosen))
     friction = rows.friction.copy()
     for i in chosen.chosen:
         candidate = rows.candidates[i]
         if is_kind_of(candidate.kind, DRY):  # several laws share one friction, some less than none
-            value = float(fit.posterior.mean[rows.places[i][0]])
+            value = float(chosen.mean[rows.places[i][0]])
             friction[rows.robot.joints.index(str(candidate.where))] += value
     return leftover_levels(rows, rows.deviations([*chosen.chosen, *more]), np.abs(friction))
-
-
-def _beyond_placebos(selection: Selection, levels: Sequence[Array]) -> dict[int, Evidence]:
-    """Evidence of every cause; what predicts no better than columns without meaning goes."""
-    while True:
-        evidence = {i: evidence_of(selection, levels, i) for i in selection.chosen}
-        excess = {i: e.held_out_gain - e.placebo_gain for i, e in evidence.items()}
-        worst = min(excess, key=excess.__getitem__, default=None)
-        if worst is None or excess[worst] > 0.0 or math.isnan(excess[worst]):
-            return evidence
-        worst = selection.leaning_on(worst)
-        selection.drop(worst)
-        if selection.ask_again([worst]):
-            _check(selection, levels)

@@ -21,6 +21,7 @@ from ..answer.result import Ratio
 from .arm_found import ArmFound
 
 _STEP = 1e-4  # rad, of the weight's slope
+_ROUNDING = 1e-9
 _NUDGE = 1e-6  # of a coefficient's plausible size, of differences by it
 _UNITS = {
     'weight_by_inertia': '1/s^2',
@@ -49,12 +50,11 @@ def scale_notes(found: ArmFound) -> tuple[str, ...]:
     )
 
 
-def ratios(found: ArmFound, scatter: float) -> tuple[Ratio, ...]:
+def ratios(found: ArmFound) -> tuple[Ratio, ...]:
     """Of every joint on a branch of the machine without a measured torque.
 
     Args:
         found: What the search says.
-        scatter: Chi-square by freedom of causes between the parts of the data.
     """
     rows, fit = found.fit.rows, found.fit
     joints = [rows.robot.joints[j] for branch in rows.unanchored for j in branch]
@@ -89,7 +89,7 @@ def ratios(found: ArmFound, scatter: float) -> tuple[Ratio, ...]:
         moved = at(step * np.eye(len(fit.values))[k])
         for key, value in own.items():
             slopes[key][n] = (moved.get(key, value) - value) / step
-    covariance = max(1.0, scatter) * fit.posterior.covariance[np.ix_(columns, columns)]
+    covariance = fit.covariance(np.array(columns, dtype=int))
     return tuple(
         Ratio(
             joint=joint,
@@ -136,7 +136,7 @@ def _ratios(
             named['motor_constant_by_inertia'] = constants[joint] / own
         yield from (((joint, name, None), float(value)) for name, value in named.items() if value)
         for k, other in enumerate(changed.joints):
-            if k != j and abs(inertia[j, k]) > 1e-9 * math.sqrt(own * float(inertia[k, k])):
+            if k != j and abs(inertia[j, k]) > _ROUNDING * math.sqrt(own * float(inertia[k, k])):
                 yield (joint, 'inertia_by_inertia', other), float(inertia[j, k]) / own
 
 

@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, cast
 
 import numpy as np
+from scipy.special import expit
 
+from ...estimation.balance.arm_candidates import GAIN
 from ...estimation.balance.arm_priors import torque_tolerance
-from ...estimation.inference.evidence import Gram, log_evidence
+from ...estimation.columns import Candidate
 from ...formats import either
+from ...inference.inferred import InferredCause
 from ...json_values import json_as, json_fields
-from ...types import Array
 from ..answer.cause import Estimated, Rival
 from ..answer.result import Series
 from ..answer.words import at, first_few, telling, value_in_words
-from ..arms.arm_evidence import rivals_of
-from ..arms.held_out_checks import holds
-from ..arms.least_size import deviation_along
-from ..arms.selection import Selection
+from ..arms.arm_conclusion import rivals_of
+from ..arms.arm_verdict import doubts
 from ..events.event_limits import EXPLAINED
 from .changes import Changes
+from .detectable import Detection
 
 _UNSEEN = 1e3  # plausible sizes: what must change by more is not seen at all
 
@@ -34,8 +35,9 @@ class Change:
     Args:
         effect: Its id. where: Its place. title: What it is, in words.
         parameters: What was added to each parameter.
-        log_evidence: For it over what any machine changes by itself.
-        held_out_gain: The same for each part of the second group, predicted from the others.
+        log_evidence: For it over what any machine changes by itself, by the scatter of blocks.
+        log_odds: Against the best set of changes without it.
+        held_out_gain: Log predictive density that it adds to each part of the recordings.
         indistinguishable_from: What these motions can not tell from it.
     """
 
@@ -44,8 +46,21 @@ class Change:
     title: str
     parameters: Mapping[str, Estimated]
     log_evidence: float
+    log_odds: float
     held_out_gain: tuple[float, ...]
     indistinguishable_from: tuple[Rival, ...]
+
+    json_too: ClassVar[tuple[str, ...]] = ('probability', 'elpd_gain')
+
+    @property
+    def probability(self) -> float:
+        """That it is one, were there only the best set with it and the best one without."""
+        return float(expit(self.log_odds))
+
+    @property
+    def elpd_gain(self) -> float:
+        """Log predictive density that it adds to all parts."""
+        return float(np.sum(self.held_out_gain))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +79,8 @@ class Comparison:
     """The whole answer.
 
     Args:
-        verdict: changed, or unchanged where nothing is named.
+        verdict: `unchanged`, `changed`, or `changed, cause not identified` where nothing is named
+            and more is left afterwards than the recordings before leave.
         sentence: The same in words, which say that no change is ruled out where too much is left
             at half of the joints and more.
         changes: By evidence.
@@ -72,6 +88,8 @@ class Comparison:
             shows nothing of it.
         left: Rms of what is missed of each joint's torque in the group where it is more.
         unjudged: Joints of whose torques too much is left for a change to be seen.
+        unidentified: Joints at which something changed that no change that is named explains.
+        notes: What else a user should know.
         units: Of each joint's torque.
         is_repeated: Whether all recordings are of one motion, judged by the scatter between
             the reference runs.
@@ -85,6 +103,8 @@ class Comparison:
     detectable: tuple[Detectable, ...]
     left: Mapping[str, float] = json_as()
     unjudged: tuple[str, ...]
+    unidentified: tuple[str, ...]
+    notes: tuple[str, ...]
     units: Mapping[str, str] = json_as()
     is_repeated: bool = json_as('repeats')
     series: tuple[Series, ...] = json_as()
@@ -92,160 +112,138 @@ class Comparison:
     def to_json(self) -> dict[str, Any]:
         """Plain values; `causes` as in diagnosis.json."""
         left = {'unit': either(self.units.values()), 'units': self.units, 'joints': self.left}
-        return {'schema': 2, **json_fields(self), 'left_unexplained': left}
+        return {'schema': 3, **json_fields(self), 'left_unexplained': left}
 
 
 def conclude_changes(found: Changes) -> Comparison:
     """What a comparison says."""
-    selection = found.selection
-    order = sorted(selection.chosen, key=lambda i: -selection.gain(i))
-    changes = tuple(_change(found, i) for i in order)
-    left, usual = _left(found), found.selection.rows.judged_by
+    rows, joints = found.groups.rows, np.array(found.groups.rows.robot.joints)
+    changes = tuple(_change(found, cause) for cause in found.named)
+    left = np.max(np.where(np.isnan(found.rms), -math.inf, found.rms), axis=0)
+    left = np.where(np.isfinite(left), left, math.nan)
     # of no cause in either group: what changed may be of none, either
-    is_poor = left**2 > (1.0 - EXPLAINED) * usual**2
-    unjudged = tuple(np.array(found.robot.joints)[is_poor].tolist())
+    unjudged = joints[left**2 > (1.0 - EXPLAINED) * rows.judged_by**2].tolist()
+    different = joints[found.different].tolist()
     is_conclusive = 2 * len(unjudged) < np.sum(np.isfinite(left))
+    unidentified = 'changed, cause not identified' if different else 'unchanged'
     return Comparison(
-        verdict='changed' if changes else 'unchanged',
-        sentence=_sentence(changes, unjudged, is_conclusive=is_conclusive),
+        verdict='changed' if changes else unidentified,
+        sentence=_sentence(found, changes, unjudged, is_conclusive=is_conclusive),
         changes=changes,
-        detectable=tuple(_detectable(found, i) for i in selection.live),
-        left=dict(zip(found.robot.joints, left.tolist(), strict=True)),
-        unjudged=unjudged,
-        units={joint: found.robot.unit_of('N m', joint) for joint in found.robot.joints},
-        is_repeated=found.is_repeated,
-        series=_series(found, np.sqrt(np.sum(found.levels, axis=1))),
+        detectable=tuple(_detectable(found)),
+        left=dict(zip(joints.tolist(), left.tolist(), strict=True)),
+        unjudged=tuple(unjudged),
+        unidentified=tuple(different),
+        notes=tuple(doubts((c, _candidate(found, c).key) for c in found.named)),
+        units={joint: rows.robot.unit_of('N m', joint) for joint in rows.robot.joints},
+        is_repeated=found.groups.is_repeated,
+        series=_series(found),
     )
 
 
-def _left(found: Changes) -> Array:
-    """(n,) rms of what is missed of each joint's torque, in the group where it is more.
-
-    NaN of a joint that does not move.
-    """
-    rows, n = found.selection.rows, len(found.robot.joints)
-    squares, count = np.zeros((2, 2, n))
-    for run, balance in enumerate(rows.balances):
-        left, group = _missed(found, run)[1], int(run >= found.after)
-        for j in range(n):
-            own = left[rows.rows_at(balance, j), j]
-            squares[group, j] += np.sum(own**2)
-            count[group, j] += len(own)
-    mean = np.max(squares / np.maximum(count, 1), axis=0)
-    return np.where(np.any(count, axis=0), np.sqrt(mean), np.nan)
-
-
-def _missed(found: Changes, run: int) -> tuple[Array, Array]:
-    """(M, n) of the torques of a recording beside what both groups share, and the changes, too."""
-    rows = found.fit.rows
-    columns, mean = rows.columns[run], found.fit.posterior.mean
-    count = columns.shape[2]
-    changed = np.zeros(len(mean))
-    for i in found.fit.chosen:
-        changed[rows.places[i]] = found.change(i)[0]
-    shared = mean[:-count] if len(mean) > count else np.zeros(count)
-    before = rows.torque(run) - columns @ shared
-    return before, before - columns @ changed[-count:] if run >= found.after else before
-
-
-def _series(found: Changes, levels: Array) -> tuple[Series, ...]:
-    """Of every joint where it moves.
-
-    Args:
-        found: The comparison.
-        levels: Rms of what no cause explains, of every joint first [N m].
-    """
-    rows, run = found.fit.rows, found.after
-    before, after = _missed(found, run)
-    balance = rows.balances[run]
-    seen = [(j, rows.rows_at(balance, j)) for j in range(len(found.robot.joints))]
+def _series(found: Changes) -> tuple[Series, ...]:
+    """Of every joint where it moves in the first recording afterwards."""
+    groups, run = found.groups, found.groups.count
+    rows, robot, balance = groups.rows, groups.rows.robot, groups.rows.balances[run]
+    before, after = (part.torques[0] for _, part in (groups.left(found.mean(())), found.left))
+    seen = [(j, rows.rows_at(balance, j)) for j in range(robot.n_joints)]
     return tuple(
         Series(
-            channel=f'joint_torque/{found.robot.joints[j]}',
-            unit=found.robot.unit_of('N m', found.robot.joints[j]),
-            time=balance.row_times[at],
+            channel=f'joint_torque/{robot.joints[j]}',
+            unit=robot.unit_of('N m', robot.joints[j]),
+            time=balance.row_times[own],
             measured=np.zeros(0),
-            before=before[at, j],
-            after=after[at, j],
-            noise_floor=float(levels[j]),
+            before=before[own, j],
+            after=after[own, j],
+            noise_floor=float(np.sqrt(np.sum(groups.levels[1][j]))),
         )
-        for j, at in seen
-        if len(at)
+        for j, own in seen
+        if len(own)
     )
 
 
-def _change(found: Changes, i: int) -> Change:
-    selection = found.selection
-    candidate, own = selection.rows.candidates[i], selection.rows.places[i]
-    values, spread = found.change(i)
-    # what a machine that nobody touched changes by itself is in it, too
-    spread = np.hypot(spread, selection.rows.tolerances[own])
-    names = [p for p in candidate.kind.parameters if p.role in ('linear', 'reciprocal', 'square')]
-    is_body = candidate.kind.id == 'inertial_parameters'
-    scale = float(np.max(torque_tolerance(found.robot))) if is_body else 0.0
-    if candidate.kind.id == 'joint_torque_constant':  # columns of measured torques: 1 - 1 / gain
+def _change(found: Changes, cause: InferredCause) -> Change:
+    candidate = _candidate(found, cause)
+    kind, robot, values = candidate.kind, found.groups.rows.robot, cause.values
+    # what a machine that nobody touched changes by is in it, too
+    spike = cause.hypothesis.spike
+    usual = np.diag(spike) if spike.ndim > 1 else spike**2
+    spread = np.sqrt(np.diag(found.covariance(cause)) + usual)
+    is_body = kind.id == 'inertial_parameters'
+    scale = float(np.max(torque_tolerance(robot))) if is_body else 0.0
+    if kind.id == GAIN:  # columns of measured torques: 1 - 1 / gain
         gain = 1.0 / (1.0 - np.minimum(values, 0.9))
         values, spread = gain - 1.0, gain**2 * spread
+    linear = [p for p in kind.parameters if p.role in ('linear', 'reciprocal', 'square')]
     return Change(
-        effect=candidate.kind.id,
+        effect=kind.id,
         where=candidate.where,
-        title=candidate.kind.title,
+        title=kind.title,
         parameters={
             p.name: Estimated(
                 value=float(value),
                 std=math.hypot(std, scale * value),
-                unit=candidate.kind.unit_at(found.robot, candidate.where, p),
+                unit=kind.unit_at(robot, candidate.where, p),
             )
-            for p, value, std in zip(names, values.tolist(), spread.tolist(), strict=True)
+            for p, value, std in zip(linear, values.tolist(), spread.tolist(), strict=True)
         },
-        log_evidence=selection.gain(i),
-        held_out_gain=tuple(selection.held_out(i).tolist()),
-        indistinguishable_from=rivals_of(selection, i),
+        log_evidence=found.log_evidence(cause),
+        log_odds=cause.log_odds,
+        held_out_gain=tuple(cause.gains.tolist()),
+        indistinguishable_from=rivals_of(found.groups.rows, cause),
     )
 
 
-def _detectable(found: Changes, i: int) -> Detectable:
-    """Of the first parameter alone.
+def _candidate(found: Changes, cause: InferredCause) -> Candidate:
+    return found.groups.rows.candidates[cast(int, cause.key)]
 
-    One deviation beyond what is named half of the time: it is in five of six. Where nothing is
-    named it would have been in these very recordings, too, whichever sign it has.
-    """
-    selection = found.selection
-    candidate, own = selection.rows.candidates[i], selection.rows.places[i]
-    first = candidate.kind.parameters[0]
-    direction = np.eye(len(candidate.sizes))[0]
-    limit = selection.limit(i, direction, 0.5 * found.unexplained)
-    deviation = deviation_along(selection.posterior(()).group(own), direction)
-    if found.moments:
-        judged = found.moments.judge(i, direction)
-        limit, deviation = max(limit, judged.limit), judged.wider * deviation
-    limit += deviation
-    if not selection.chosen and limit < _UNSEEN * first.size:
-        limit = named_from(selection, i, limit * direction, found.unexplained)
-    value = limit if limit < _UNSEEN * first.size else math.inf
-    if candidate.kind.id == 'joint_torque_constant':  # columns of measured torques: 1 - 1 / gain
-        value = value / (1.0 - value) if value < 0.5 else math.inf  # no motor loses more than all
-    return Detectable(
-        effect=candidate.kind.id,
-        where=candidate.where,
-        parameter=first.name,
-        value=value,
-        unit=candidate.kind.unit_at(found.robot, candidate.where, first),
-    )
+
+def _detectable(found: Changes) -> Iterator[Detectable]:
+    """Of the first parameter of every hypothesis that the rows say anything of."""
+    every, robot = found.undisturbed, found.groups.rows.robot
+    detection = Detection(every, found.chosen)
+    for i in sorted(every.open):
+        candidate = found.groups.rows.candidates[cast(int, every.every[i].key)]
+        first, value = candidate.kind.parameters[0], detection.limit(i)
+        value = value if value < _UNSEEN * first.size else math.inf
+        if candidate.kind.id == GAIN:  # columns of measured torques: 1 - 1 / gain
+            value = value / (1.0 - value) if value < 0.5 else math.inf  # none loses more than all
+        yield Detectable(
+            effect=candidate.kind.id,
+            where=candidate.where,
+            parameter=first.name,
+            value=value,
+            unit=candidate.kind.unit_at(robot, candidate.where, first),
+        )
 
 
 def _sentence(
-    changes: tuple[Change, ...], unjudged: tuple[str, ...], *, is_conclusive: bool
+    found: Changes,
+    changes: tuple[Change, ...],
+    unjudged: list[str],
+    *,
+    is_conclusive: bool,
 ) -> str:
-    words = 'Nothing changed by more than would have been seen (detectable).'
+    words, joints = 'Nothing changed by more than would have been seen (detectable).', ''
+    robot, (before, after) = found.groups.rows.robot, found.rms
+    if found.different:
+        where = [
+            f'{robot.joints[j]}: {after[j]:.3g} {robot.unit_of("N m", robot.joints[j])} rms after '
+            f'{before[j]:.3g} before'
+            for j in found.different
+        ]
+        joints = first_few(where)
     if changes:
         words = f'What changed: {first_few([_in_words(change) for change in changes])}.'
+        words += f' More is left than before, of no known cause ({joints}).' if joints else ''
+    elif joints:
+        words = f'Something changed that no known cause explains ({joints}).'
     elif not is_conclusive:
         words = 'No change is named, and none is ruled out.'
     if not unjudged:
         return words
-    joints, most = ', '.join(unjudged), 1.0 - EXPLAINED
-    return f'{words} Of {joints} over {most:.0%} of the torques squared are left unexplained.'
+    of, most = ', '.join(unjudged), 1.0 - EXPLAINED
+    return f'{words} Of {of} over {most:.0%} of the torques squared are left unexplained.'
 
 
 def _in_words(change: Change) -> str:
@@ -253,44 +251,3 @@ def _in_words(change: Change) -> str:
     values = ', '.join(value_in_words(*item, sign='+') for item in shown.items())
     rivals = [f', or {r.effect}{at(r.where)}' for r in change.indistinguishable_from]
     return f'{change.title}{at(change.where)} ({values}){"".join(rivals)}'
-
-
-_STEP, _STEPS = 1.25, 12  # up to 14 times the least size
-
-
-def named_from(selection: Selection, i: int, least: Array, unexplained: float) -> float:
-    """Size of a change along one parameter from which it holds, whichever sign it has.
-
-    What every part of the second group must say of a change, beside what it misses anyway, is no
-    multiple of what the rows can tell. A change of x adds S x to the sums for its coefficients, S
-    their information, in the whole and in all parts but one; so each size is tried.
-
-    Args:
-        selection: In which nothing is chosen.
-        i: The change.
-        least: (K,) of its coefficients, along one of them: what the rows can tell.
-        unexplained: Squares of whitened rows of which it must explain half.
-
-    Returns:
-        The size; infinite where none is named.
-    """
-    own, need = selection.rows.places[i], selection.need(i)
-    rests = [selection.posterior((), fold.rest).group(own) for fold in selection.parts.folds(i)]
-    grams = [selection.posterior(()).group(own), *rests]
-    for size in np.linalg.norm(least) * _STEP ** np.arange(_STEPS):
-        change = size * least / np.linalg.norm(least)
-        if all(_is_named(selection, i, grams, x, need, unexplained) for x in (change, -change)):
-            return float(size)
-    return np.inf
-
-
-def _is_named(
-    selection: Selection, i: int, grams: list[Gram], change: Array, need: float, unexplained: float
-) -> bool:
-    candidate = selection.rows.candidates[i]
-    added = [replace(g, vector=g.vector + g.matrix @ change) for g in grams]
-    bounds = candidate.lower, candidate.upper
-    whole, *rests = (log_evidence(g, candidate.sizes, bounds) for g in added)
-    usual = log_evidence(added[0], selection.rows.tolerances[selection.rows.places[i]], bounds)
-    gains = whole - np.array(rests)
-    return bool(whole - usual > need and holds(gains) and 2.0 * np.sum(gains) > unexplained)

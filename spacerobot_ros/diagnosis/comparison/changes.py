@@ -1,207 +1,169 @@
-"""What a comparison of recordings says, whichever way it was made."""
+"""What a comparison of recordings found: changes, how surely, and what is left by them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 
-from ...estimation.balance.arm_fit import ArmFit
+from ...effects.prior import RUN_TO_RUN
 from ...estimation.balance.arm_rows import ArmRows
-from ...estimation.columns import Candidate
-from ...estimation.inference.constrained import NEXT_TO_NOTHING, ConstrainedProblem, PhysicalBody
-from ...estimation.inference.evidence import Gram, chi_square_tail
-from ...model.robot import Robot
-from ...types import Array
-from ..arms.arm_found import is_clear
-from ..arms.selection import Selection
-from ..limits import MISFIT
-from .moments import Moments
-
-_FINE = (
-    'joint_stribeck_friction',
-    'joint_friction_curvature',
-    'joint_presliding_friction',
-    'joint_coupled_friction',
-    'joint_torque_ripple',
-)
+from ...inference.decisive import CLUSTERS, NAMED
+from ...inference.hypotheses import Hypotheses
+from ...inference.inferred import Inferred, InferredCause, infer
+from ...inference.marginal import Marginal
+from ...inference.model_search import best_set
+from ...types import Array, IntArray
+from ..limits import CLEAR, DIFFERENT
+from .change_hypotheses import change_hypotheses
+from .two_groups import TwoGroups
 
 
 @dataclass(frozen=True, eq=False)
 class Changes:
-    """What a comparison says.
+    """What a comparison found.
 
     Args:
-        robot: The robot file's robot.
-        selection: The choice among changes.
-        fit: The chosen ones with values.
-        levels: (n, 8) variances of every joint's leftover [N^2 m^2].
-        after: Number, among those of the fit, of the first recording of the second group.
-        moments: By which a change is less certain than its rows say; None: no more is known.
-        unexplained: Squares of whitened rows of which a change must explain half [-].
-        is_repeated: Whether all recordings are of one motion, what is usual from run to run known.
+        groups: The recordings.
+        hypotheses: What may have changed.
+        inferred: What the rows say of it.
     """
 
-    robot: Robot
-    selection: Selection
-    fit: ArmFit
-    levels: Array
-    after: int
-    moments: Moments | None = None
-    unexplained: float = 0.0
-    is_repeated: bool = False
+    groups: TwoGroups
+    hypotheses: Hypotheses
+    inferred: Inferred
+
+    @classmethod
+    def of(cls, groups: TwoGroups) -> Changes:
+        """Found at the level that a first choice leaves."""
+        rough = Hypotheses(groups.blocks, change_hypotheses(groups))
+        first = best_set(rough)
+        groups = groups.left_by(rough.mean(first.marginal, first.chosen))
+        every = change_hypotheses(groups)
+        return cls(groups, Hypotheses(groups.blocks, every), infer(groups.blocks, every))
 
     @cached_property
-    def bodies(self) -> dict[int, PutOn]:
-        """What was put on links, taken off or exchanged, by the number of the change."""
-        rows = self.fit.rows
-        named = (i for i in self.fit.chosen if rows.candidates[i].kind.id == 'inertial_parameters')
-        return {i: self._body(i) for i in named}
+    def chosen(self) -> frozenset[int]:
+        """Numbers of the hypotheses that are causes."""
+        keys = {c.key for c in self.inferred.causes}
+        return frozenset(i for i, h in enumerate(self.hypotheses.every) if h.key in keys)
 
-    def _body(self, i: int) -> PutOn:
-        rows, own, posterior = self.fit.rows, self.fit.rows.places[i], self.fit.posterior
-        gram, sizes = posterior.group(own), rows.sizes[own]
-        body = put_on(gram, sizes, self.unexplained)
-        if body is not None:
-            return body
-        names = [body.name for body in rows.robot.bodies]
-        file = rows.robot.inertial_parameters[names.index(str(rows.candidates[i].where))]
-        twice = len(posterior.mean) - sum(len(c.sizes) for c in rows.candidates)
-        shared = posterior.mean[own - twice] if twice else np.zeros(len(own))
-        return exchanged(gram, sizes, file, shared)
+    @cached_property
+    def marginal(self) -> Marginal:
+        """Of all rows under them."""
+        return self.hypotheses.marginal(self.chosen)
 
-    def change(self, i: int) -> tuple[Array, Array]:
-        """(k,) values and standard deviations of a chosen change, by rows and moments."""
-        own = self.fit.rows.places[i]
-        wider = self.moments.judge(i).wider if self.moments else 1.0
-        if i in self.bodies:
-            return self.bodies[i].values, wider * self.bodies[i].spread
-        posterior = self.fit.posterior
-        return posterior.mean[own], wider * np.sqrt(np.diag(posterior.covariance)[own])
+    @cached_property
+    def _likely(self) -> list[InferredCause]:
+        """Changes whose evidence is no chance of few blocks, and of which one number is clear."""
+        prior = self.hypotheses.log_odds
+        return [
+            c
+            for c in self.inferred.causes
+            if self.log_evidence(c) + prior[self.number(c)] > NAMED
+            and np.any(np.abs(c.values) > CLEAR * np.sqrt(np.diag(self.covariance(c))))
+        ]
 
+    @cached_property
+    def named(self) -> list[InferredCause]:
+        """These, surest first, but for changes at a joint where something else changed.
 
-def is_lasting(candidate: Candidate) -> bool:
-    """Whether a change may be named: of a finer shape of friction it may not."""
-    return candidate.kind.id not in _FINE
-
-
-def clear_fit(selection: Selection, wider: Callable[[int], float] = lambda i: 1.0) -> ArmFit:
-    """The choice with values; changes that are not clear of them go, weakest first.
-
-    Args:
-        selection: The choice.
-        wider: Times by which a change is less certain than its rows say.
-    """
-    while True:
-        fit = ArmFit(selection.rows, selection.whole, tuple(selection.chosen))
-        unclear = [i for i in fit.chosen if not is_clear(fit, i, wider(i))]
-        if not unclear:
-            return fit
-        selection.drop(min(unclear, key=selection.gain))
-
-
-class ChangeRows(ArmRows):
-    """Rows among whose candidates only changes that last are named."""
-
-    def may_be_chosen(self, i: int) -> bool:
-        """See `is_lasting`."""
-        return is_lasting(self.candidates[i])
-
-    @property
-    def holds_tolerances(self) -> bool:
-        """Two motions differ in what a wrong file leaves of them, too: no tolerance knows it.
-
-        Held at their tolerances the runs of a KUKA, slow and fast, had changes of 0.5 kg.
+        What no cause explains there is in part explained by any.
         """
-        return False
+        rows = self.groups.rows
+        different = {rows.robot.joints[j] for j in self.different}
+        places = [rows.candidates[cast(int, c.key)].where for c in self._likely]
+        pairs = zip(self._likely, places, strict=True)
+        return [c for c, where in pairs if where not in different]
+
+    def number(self, cause: InferredCause) -> int:
+        """Of its hypothesis."""
+        return next(i for i in self.chosen if self.hypotheses.every[i].key == cause.key)
+
+    def covariance(self, cause: InferredCause) -> Array:
+        """(k, k) of its coefficients, cluster-robust."""
+        at, robust = self._at(cause), self.inferred.covariance
+        assert robust is not None  # of causes
+        return robust.matrix[np.ix_(at, at)]
+
+    def log_evidence(self, cause: InferredCause) -> float:
+        """For a change beside the others over what the machine differs by anyway.
+
+        By the scatter of few blocks: Student's t in place of a normal distribution.
+        """
+        at, robust = self._at(cause), self.inferred.covariance
+        assert robust is not None  # of causes
+        gone = self.hypotheses.exchange((), [self.number(cause)])
+        gain = self.marginal.log_density - self.marginal.changed(*gone).log_density
+        gain, freedom = gain / np.max(robust.wider[at]) ** 2, float(np.min(robust.freedom[at]))
+        return 0.5 * (freedom + 1.0) * math.log1p(max(2.0 * gain / freedom, 0.0))
+
+    def _at(self, cause: InferredCause) -> IntArray:
+        assert self.inferred.covariance is not None  # of causes
+        return np.searchsorted(self.inferred.covariance.columns, cause.hypothesis.columns)
+
+    @cached_property
+    def left(self) -> tuple[ArmRows, ArmRows]:
+        """Torques that the named changes leave, by group."""
+        return self.groups.left(self.mean(self.named))
+
+    def mean(self, changes: Sequence[InferredCause]) -> Array:
+        """(P,) coefficients, of the changes some alone."""
+        out = self.inferred.mean.copy()
+        for cause in self.inferred.causes:
+            if cause not in changes:
+                out[cause.hypothesis.columns] = 0.0
+        return out
+
+    @cached_property
+    def rms(self) -> Array:
+        """(2, n) of what is left where joints move, by group; NaN of one that does not [N m]."""
+        n = self.groups.rows.robot.n_joints
+        return np.array([[_rms(own.torque) for own in group.joints[:n]] for group in self.left])
+
+    @cached_property
+    def different(self) -> list[int]:
+        """Joints at which clearly more is left afterwards than ever before.
+
+        More than friction differs from run to run, too, and of rows enough to say so.
+        """
+        rows, out = self.groups.rows, list[int]()
+        first, second = self.groups.left(self.mean(self._likely))
+        pairs = zip(first.in_clusters.joints, second.joints, rows.scale.tolist(), strict=False)
+        for j, (before, after, scale) in enumerate(pairs):
+            if min(len(before.torque), len(after.torque)) < CLUSTERS:
+                continue
+            own = (before.torque[before.block == k] for k in np.unique(before.block))
+            excess = _rms(after.torque) ** 2 - _rms(before.torque) ** 2
+            is_other = _rms(after.torque) > DIFFERENT * max(map(_rms, own))
+            if is_other and excess > (RUN_TO_RUN * scale) ** 2:
+                out.append(j)
+        return out
+
+    @cached_property
+    def undisturbed(self) -> Hypotheses:
+        """The hypotheses as if nothing had changed that is not identified.
+
+        What is different is taken from the torques afterwards, whose level is that before.
+        """
+        if not self.different:
+            return self.hypotheses
+        groups, rows = self.groups, self.groups.rows
+        torques = [t.copy() for t in rows.torques]
+        for torque, left in zip(torques[groups.count :], self.left[1].torques, strict=True):
+            torque[:, self.different] -= left[:, self.different]
+        levels = [list(own) for own in groups.levels]
+        for j in self.different:
+            for k in (j, j + rows.robot.n_joints):
+                levels[1][k] = levels[0][k]
+        quiet = rows.about_others(rows.columns, torques)
+        groups = replace(groups, rows=quiet, levels=(levels[0], levels[1]))
+        return Hypotheses(groups.blocks, change_hypotheses(groups))
 
 
-_NUMBERS = 10
-_DRAWS = 40  # of which a standard deviation is known to 11 %
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PutOn:
-    """The likeliest body.
-
-    Args:
-        values: (10,) of the change, all signs turned where it was taken off.
-        spread: (10,) standard deviations.
-        lost: Log posterior density less than that of the likeliest numbers of all.
-    """
-
-    values: Array
-    spread: Array
-    lost: float
-
-
-def put_on(gram: Gram, sizes: Array, unexplained: float = 0.0) -> PutOn | None:
-    """The likeliest body that was put on or taken off; None where it was none.
-
-    Ten numbers that motions hardly tell apart are not solved for as if anything could be added: on
-    a small arm an unbounded solve says that -0.03 kg with a first moment of 0.13 kg m were put on,
-    which no body has, and the likeliest body, 0.47 kg where 0.48 are known, has next to as much
-    evidence. A tool in place of another one is no body, nor less one: what is there then is one.
-
-    It is none where the data say so beyond chance, and beyond what no change explains of them.
-
-    Args:
-        gram: Sums for the ten numbers of `toDynamicParameters`, all else integrated out.
-        sizes: (10,) their plausible sizes.
-        unexplained: Squares of whitened rows that no change explains.
-    """
-    signs = (1.0, -1.0)
-    solved = [_solved(gram, sizes, NEXT_TO_NOTHING, sign) for sign in signs]
-    sign, (values, square) = min(zip(signs, solved, strict=True), key=lambda pair: pair[1][1])
-    if square > unexplained and chi_square_tail(square, _NUMBERS) < MISFIT:
-        return None
-    return _with_spread(gram, sizes, NEXT_TO_NOTHING, sign, values, square)
-
-
-def exchanged(gram: Gram, sizes: Array, file: Array, shared: Array) -> PutOn:
-    """The likeliest change of a body that leaves one.
-
-    Args:
-        gram: Sums for the ten numbers of `toDynamicParameters`, all else integrated out.
-        sizes: (10,) their plausible sizes.
-        file: (10,) of the body in the file.
-        shared: (10,) of what both groups have beyond it, which counts where that is a body.
-    """
-    before = PhysicalBody(np.arange(_NUMBERS), file + shared)
-    base = before.file if before.is_body else file
-    return _with_spread(gram, sizes, base, 1.0, *_solved(gram, sizes, base, 1.0))
-
-
-def _solved(gram: Gram, sizes: Array, base: Array, sign: float) -> tuple[Array, float]:
-    """(10,) the likeliest change by which `base` is a body, and what it costs in chi-square."""
-    information = gram.matrix + np.diag(sizes**-2.0)
-    values = sign * _body(information, sign * gram.vector, sizes, base)
-    off = values - np.linalg.solve(information, gram.vector)
-    return values, float(off @ information @ off)
-
-
-def _with_spread(
-    gram: Gram, sizes: Array, base: Array, sign: float, values: Array, square: float
-) -> PutOn:
-    """The change with its deviations.
-
-    These are those of the estimate itself, bodies included, over draws of the data about it
-    (Efron and Tibshirani, An Introduction to the Bootstrap (1993), 6.5), times what it is farther
-    from the likeliest numbers of all than chance has it.
-    """
-    information = gram.matrix + np.diag(sizes**-2.0)
-    root = np.linalg.cholesky(information)
-    noise = np.random.default_rng(0).normal(size=(_DRAWS, _NUMBERS)) @ root.T
-    draws = [_body(information, sign * (information @ values + n), sizes, base) for n in noise]
-    wider = max(1.0, square / _NUMBERS) ** 0.5
-    spread = wider * np.sqrt(np.mean((np.array(draws) - sign * values) ** 2, axis=0))
-    return PutOn(values, spread, 0.5 * square)
-
-
-def _body(information: Array, vector: Array, sizes: Array, base: Array) -> Array:
-    """(10,) that make a body of another one."""
-    none = np.full(_NUMBERS, np.inf)
-    body = PhysicalBody(np.arange(_NUMBERS), base)
-    return ConstrainedProblem(information, vector, sizes, -none, none, (body,)).solve()
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else math.nan

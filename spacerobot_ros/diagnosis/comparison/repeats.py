@@ -1,65 +1,27 @@
-"""Repeats of one motion: what is usual from run to run is learned, the rest of the misfit cancels.
+"""Repeats of one motion: what a model misses of it is the same in every run, and cancels.
 
-What a model misses of a motion is the same whenever it is repeated, known or not. So the mean of
-the reference runs is taken off each run, sample by sample, and the level of what is left is that
-of each reference run against the others: what a machine that nobody touched does. A change is
-then judged against it with the sizes of its cause and no further tolerance.
+The mean of the reference runs is taken off each run, sample by sample, and the level of what is
+left is that of each reference run against the others: what a machine that nobody touched does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...effects.effect import Effect
-from ...estimation.balance.arm_fit import Posterior
 from ...estimation.balance.arm_levels import leftover_levels
 from ...estimation.balance.arm_motion import RATE, ArmMotion
-from ...estimation.balance.arm_priors import NOTHING
 from ...estimation.balance.arm_rows import ArmRows
-from ...estimation.balance.balance import balance_of
-from ...estimation.balance.leftover import VARIANCES
-from ...estimation.balance.reml import level_of
-from ...estimation.inference.evidence import sum_of
-from ...model.robot import Robot
+from ...inference.gram import sum_of
+from ...inference.marginal import Marginal
 from ...recording.record import Record
 from ...types import Array
-from ..arms.held_out_checks import check_held_out
-from ..arms.selection import Selection
-from .changes import ChangeRows, Changes, clear_fit
+from .two_groups import TwoGroups, bare_rows, split
 
 FEWEST = 3
 """Reference runs from which the scatter between them is worth more than a usual tolerance."""
 _ALIKE = 0.98  # correlation of the joint rates of a repeat
-_DRIFT = 0.2  # of a torque's rms: friction and gains of a machine that warms up
-
-
-@dataclass(frozen=True, eq=False)
-class RepeatedRows(ChangeRows):
-    """Runs of one motion less a reference.
-
-    Args:
-        reference: (M, n) of every run: the mean of other runs' torques [N m].
-        count: Number of reference runs.
-    """
-
-    reference: tuple[Array, ...]
-    count: int
-
-    def torque(self, run: int) -> Array:
-        """(M, n) torques that differ from the reference [N m]."""
-        return super().torque(run) - self.reference[run]
-
-    def freedom(self, i: int) -> float:
-        """One less than the reference runs for each joint that a change is seen at.
-
-        What differs from run to run is slower than a run, so a run says it once.
-        """
-        at = self.places[i]
-        seen = np.any([np.any(c[:, :, at] != 0.0, axis=(0, 2)) for c in self.columns], axis=0)
-        return float((self.count - 1) * max(1, np.sum(seen & (self.scale > 0.0))))
 
 
 def aligned(records: Sequence[Record]) -> list[Record] | None:
@@ -79,57 +41,31 @@ def aligned(records: Sequence[Record]) -> list[Record] | None:
     ]
 
 
-def find_changes_of_repeats(
-    before: Sequence[Record],
-    after: Sequence[Record],
-    robot: Robot,
-    believed: Sequence[Effect],
-    kinds: Sequence[type[Effect]],
-) -> Changes:
-    """Changes of runs of one motion, `aligned`."""
-    balances = [balance_of(r, robot, believed) for r in (*before, *after)]
-    count = len(before)
-    first = ArmRows.of(balances[:count], kinds)
-    whole = sum_of(first.parts(leftover_levels(first, first.sizes, first.friction)))
-    mean = Posterior.of(whole, first.sizes).mean
-    every = replace(first, balances=tuple(balances)).sharing(first)
-    explained = [columns @ mean for columns in every.columns]
+def less_reference(rows: ArmRows, count: int) -> TwoGroups:
+    """Runs of one motion, each less the mean of the reference runs, or of the others of these.
+
+    Args:
+        rows: Of all runs, `aligned`.
+        count: Number of reference runs.
+    """
+    first = split(rows, count)[0]
+    levels = leftover_levels(first, first.sizes, first.friction)
+    every, variances = np.arange(len(rows.sizes)), rows.sizes**2
+    machine = Marginal.of(sum_of([*first.parts(levels), rows.held]), every, variances)
+    explained = [columns @ machine.mean(every, variances) for columns in rows.columns]
     length = min(map(len, explained))
-    left = [(b.torque - e)[:length] for b, e in zip(balances, explained, strict=True)]
+    left = [(t - e)[:length] for t, e in zip(rows.torques, explained, strict=True)]
     usual = np.mean(left[:count], axis=0)
     others = [(count * usual - own) / (count - 1) for own in left[:count]]
-    reference = [
-        e + _of_length(other, len(e))
-        for e, other in zip(explained, [*others, *[usual] * len(after)], strict=True)
+    reference = [*others, *[usual] * (len(left) - count)]
+    torques = [
+        t - e - _of_length(r, len(e))
+        for t, e, r in zip(rows.torques, explained, reference, strict=True)
     ]
-    levels = _levels(every, reference[:count], count)
-    rows = RepeatedRows(
-        tuple(balances[count:]),
-        first.candidates,
-        NOTHING * first.sizes,
-        tuple(reference[count:]),
-        count,
-    ).sharing(every)
-    selection = Selection.of(rows, levels)
-    selection.run()
-    check_held_out(selection)
-    return Changes(robot, selection, clear_fit(selection), np.array(levels), 0, is_repeated=True)
-
-
-def _levels(every: ArmRows, reference: Sequence[Array], count: int) -> list[Array]:
-    """(8,) variances of every joint from run to run."""
-    runs = RepeatedRows(
-        every.balances[:count], every.candidates, every.tolerances, tuple(reference), count
-    ).sharing(every)
-    out = []
-    for rows, scale in zip(runs.joints, np.tile(runs.scale, 2).tolist(), strict=True):
-        bare = replace(rows, columns=np.zeros((len(rows.torque), 0)))
-        drift = np.array([*[_DRIFT * scale] * 2, scale, scale])
-        level = (
-            level_of(bare, np.zeros(0), scale, drift) if len(rows.torque) else [np.nan] * VARIANCES
-        )
-        out.append(np.array(level))
-    return out
+    bare, _ = bare_rows(rows, torques, count)
+    level = leftover_levels(bare, bare.tolerances, bare.friction)
+    rows = rows.about_others(rows.columns, torques)
+    return TwoGroups(rows, count, (level, level), is_repeated=True)
 
 
 def _rates(record: Record) -> Array:

@@ -21,12 +21,9 @@ from .discovery_limits import ONE_SPEED
 from .possible_laws import Extent, Law, joint_laws, time_sines
 
 _SHAPES = ('joint_stribeck_friction', 'joint_friction_curvature')
-PARTLY_SEEN = 'joint_torque_ripple'
-"""Of a few periods a turn, of which a motion may show a part."""
-REPLACEABLE = {'joint_stiffness': 1.5, 'joint_torque_ripple': 2.5, COUPLED: 3.0}
-"""Causes that are a form of the grammar, so that a law may stand in their place, and their prices
-there [nats]: of both a choice among the same forms. No other friction: on a UR10e laws would take
-the place of a shape of friction that has a name, and say no more."""
+REPLACEABLE = ('joint_stiffness', 'joint_torque_ripple', COUPLED)
+"""Causes that are a form of the grammar, so that a law may stand in their place. No other
+friction: on a UR10e laws would take the place of a shape that has a name, and say no more."""
 _LOUD = (0.0, 0.5, 0.9)
 """Of noise that grows with the rate. Likelihood tells them apart: of noise that does it is 50 to
 180 nats more at 0.9 than at 0, of noise that does not 50 to 170 less (30 machines of all noises,
@@ -180,6 +177,12 @@ class JointChannel:
         ends = np.cumsum([len(law.form.powers) for law in (*timed, *others)])[:-1].tolist()
         found = dict(zip(map(id, (*timed, *others)), np.split(own, ends, axis=1), strict=True))
         return [found[id(law)] for law in laws]
+
+    def of_causes(self, causes: Sequence[int]) -> Array:
+        """(M, k) terms of the columns of causes."""
+        rows = self.motions.rows
+        places = np.concatenate([np.zeros(0, dtype=int), *(rows.places[i] for i in causes)])
+        return cosines(self.whitened(self.rows.columns[:, places]))
 
     def _filtered(self, laws: Sequence[Law]) -> Array:
         """(R, c) rows of the torques of laws by their coefficients."""

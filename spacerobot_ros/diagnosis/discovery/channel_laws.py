@@ -36,7 +36,7 @@ from .discovery_limits import (
     UNSETTLED,
 )
 from .law_search import LawSearch, Winner, columns_of
-from .possible_laws import NAMED, NO_LAWS, Law, others_of
+from .possible_laws import NO_LAWS, Law, others_of
 
 _NOTHING_MEASURED = 'nothing measured'
 _FREE = 1e-6  # precision of coefficients without a prior, of columns of unit size
@@ -114,12 +114,6 @@ def leftover_without(place: str, step: Winner | None, joints: Sequence[str]) -> 
     return replace(
         nothing, depends_on=('time',), resembles=unknown, p_value=p_value, rivals=rivals
     )
-
-
-def may_be_named(it: HeldLaw) -> bool:
-    """Whether a law is what a cause of the catalogue is, or two are, or may as well be."""
-    every = (it.law, *(law for law, _ in it.step.rivals))
-    return any(law.form.name in NAMED and not others_of(law, it.place) for law in every)
 
 
 def _rivals(rivals: Iterable[tuple[Law, float]], joints: Sequence[str]) -> tuple[LawRival, ...]:

@@ -11,22 +11,22 @@ from ...effects.effect import Effect
 from ...effects.laws.grammar import quantity
 from ...effects.laws.learned_torque import LearnedTorque
 from ...effects.motion import Motion
-from ...estimation.balance.arm_priors import COUPLED, DRY, is_kind_of
+from ...estimation.balance.arm_priors import DRY, is_kind_of
 from ...estimation.balance.balance import rms
 from ..answer.result import Leftover
-from ..arms.arm_found import WORSE, ArmFound
-from ..arms.arm_spread import birge_of, clear_causes, usual_scatter
-from .arm_channels import PARTLY_SEEN, REPLACEABLE, ArmMotions, JointChannel
+from ..arms.arm_found import WORSE, ArmFound, without_harm
+from ..limits import CHANCE as NO_CHANCE
+from .arm_channels import REPLACEABLE, ArmMotions, JointChannel
 from .channel_laws import (
     HeldLaw,
     laws_of,
     leftover_of,
     leftover_without,
-    may_be_named,
 )
 from .discovery_limits import CHANCE, FED_IN, MARGIN
-from .fitted_laws import LawCandidate, applied_law, candidate_of, with_laws
+from .fitted_laws import SAME, LawCandidate, applied_law, candidate_of, with_laws
 from .law_search import Winner, worth
+from .possible_laws import Law
 
 _AGREE = 3.0  # standard deviations
 
@@ -75,46 +75,50 @@ def _laws_of_joint(
 
     Causes can stand in for a law: a spring and a ripple, or a ripple of which the motion shows a
     part, for a spring that stiffens; friction of two joints' motor that the other joint does not
-    confirm for a law of this one alone. Where fewer laws, or one, explain more in their place, by
-    all prices, they are none.
+    confirm for a law of this one alone. Where laws in their place raise the evidence at all joints
+    where these causes act by more than the prior odds, they are none. Both have the prior of a
+    law's coefficients there: that of a cause's size would count for the law.
     """
-    chosen, candidates = found.fit.chosen, motions.rows.candidates
+    chosen, fit = found.fit.chosen, found.fit
     channel, held, rest = _in_likeliest_noise(JointChannel(motions, j, chosen), chance)
-    instead = tuple(i for i in chosen if _is_replaceable(found, i, j))
-    if instead:
-        kept = tuple(i for i in chosen if i not in instead)
-        other, laws, left = _in_likeliest_noise(JointChannel(motions, j, kept), chance)
-        own = sum(REPLACEABLE[candidates[i].kind.id] for i in instead)
-        beyond = worth(other, _laws(laws)) - (worth(channel, _laws(held)) - own)
-        is_better = 0 < len(laws) < max(len(instead), 2) and beyond > MARGIN
-        if is_better and _may_stand_for(laws, [candidates[i].kind.id for i in instead]):
-            return other, laws, left, instead
-    return channel, held, rest, ()
+    kinds = [c.kind.id for c in motions.rows.candidates]
+    instead = tuple(i for i in _acting(motions, chosen, j) if kinds[i] in REPLACEABLE)
+    if not instead:
+        return channel, held, rest, ()
+    kept = tuple(i for i in chosen if i not in instead)
+    other, laws, left = _in_likeliest_noise(JointChannel(motions, j, kept), chance)
+    before, after = [it.law for it in held], [it.law for it in laws]
+    others = [k for k in range(motions.rows.robot.n_joints) if k != j]
+    elsewhere = [k for k in others if _acting(motions, instead, k)]
+    if not laws or (not elsewhere and _are_of(other, after, instead)):
+        return channel, held, rest, ()
+    beyond = worth(other, after) - worth(replace(other, loud=channel.loud), before, instead)
+    beyond += sum(_without(motions, k, kept, instead) for k in elsewhere)
+    usual, every = fit.hypotheses.usual, fit.hypotheses.every
+    beyond += usual * (len(after) - len(before))
+    beyond -= sum(usual + every[i].log_odds for i in instead)
+    return (other, laws, left, instead) if beyond > MARGIN else (channel, held, rest, ())
 
 
-def _may_stand_for(laws: Sequence[HeldLaw], kinds: Sequence[str]) -> bool:
-    """Whether laws may stand in the place of causes.
-
-    A spring alone gives way to one of another shape, and to nothing else: next to any law is
-    better in some noise.
-    """
-    if {PARTLY_SEEN, COUPLED}.intersection(kinds):
-        return True
-    is_of_angle = all(it.law.inputs == (f'angle/{it.place}',) for it in laws)
-    return is_of_angle and not any(map(may_be_named, laws))
+def _are_of(channel: JointChannel, laws: Sequence[Law], causes: Sequence[int]) -> bool:
+    """Whether laws are what causes are, by other names."""
+    columns = channel.of_causes(causes), np.concatenate(channel.columns(laws), axis=1)
+    theirs, own = (channel.terms.beside_offset(some) for some in columns)
+    left = own - theirs @ np.linalg.lstsq(theirs, own)[0]
+    return bool(np.all(np.sum(left**2, axis=0) <= SAME * np.sum(own**2, axis=0)))
 
 
-def _is_replaceable(found: ArmFound, i: int, j: int) -> bool:
-    """Whether laws of a joint may stand in a cause's place.
+def _acting(motions: ArmMotions, causes: Iterable[int], j: int) -> list[int]:
+    """Those of some causes that the rows of a joint show."""
+    rows = motions.rows
+    return [i for i in causes if np.any(rows.joints[j].columns[:, rows.places[i]])]
 
-    That of two joints' friction only where it is not clear: it is wanted there, and not here.
-    """
-    rows = found.fit.rows
-    kind = rows.candidates[i].kind.id
-    if kind == COUPLED:
-        return i not in found.clear and bool(np.any(rows.joints[j].columns[:, rows.places[i]]))
-    is_here = rows.candidates[i].where == rows.robot.joints[j]
-    return i in found.clear and is_here and kind in REPLACEABLE
+
+def _without(motions: ArmMotions, j: int, kept: tuple[int, ...], causes: tuple[int, ...]) -> float:
+    """Log likelihood that a joint gains without some causes [nats]."""
+    bare = JointChannel(motions, j, kept)
+    noise = JointChannel(motions, j, (*kept, *causes)).likeliest(()).loud
+    return worth(bare.likeliest(()), ()) - worth(replace(bare, loud=noise), (), causes)
 
 
 def _in_likeliest_noise(
@@ -131,10 +135,6 @@ def _in_likeliest_noise(
     if again is first:
         return first, held, rest
     return (again, *laws_of(again, chance))
-
-
-def _laws(held: Sequence[HeldLaw]) -> list[Winner]:
-    return [it.step for it in held]
 
 
 def _applied(
@@ -168,23 +168,23 @@ def _applied(
             _sane(applied_law(it.law, free, motions), friction, along)
             for (it, _), free in zip(pairs, frees, strict=True)
         ]
-        fitted = replace(fitted, learned=tuple(law for law in laws if law is not None))
-        worse = rms(fitted.extended) > before
+        known = tuple(law for law in laws if law is not None)
+        fitted = without_harm(replace(fitted, learned=known))
+        worse = rms(fitted.extended) > WORSE * before
         is_refused = (fitted.ratios > WORSE).any()
-        clear, usual = clear_causes(fitted), usual_scatter(fitted)
         is_out = [
             law is None
             or (law.form.has_history and it.place in named)
             or worse[joints.index(it.place)]
             or is_refused
-            or i not in clear
+            or fitted.fit.chance(i) >= NO_CHANCE
             for (it, _), law, i in zip(pairs, laws, numbers, strict=True)
         ]
         entries = [
             leftover_of(
                 it,
                 free.coefficients,
-                fitted.fit.spread(i, birge_of(fitted, i, usual)),
+                fitted.fit.spread(i),
                 motions.rows.robot,
                 applied=None if out else law,
                 is_of_several=several,

@@ -10,24 +10,22 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...effects.laws.learned_torque import LearnedTorque, law_at
-from ...estimation.balance.arm_fit import ArmFit
-from ...estimation.balance.arm_priors import NOTHING
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.arm_rows_about import about_loads
 from ...estimation.columns import Candidate
 from ...model.machine import machine_of
 from ...types import Array, BoolArray
-from ..arms.applicable import plain_of
 from ..arms.arm_found import ArmFound
-from ..arms.arm_spread import clear_causes
 from ..arms.arms import levels_of
-from ..arms.selection import Selection
-from ..limits import LARGEST_LAW
+from ..arms.fitted_arm import FittedArm
+from ..limits import CHANCE
 from .arm_channels import ArmMotions
+from .discovery_limits import LARGEST_LAW
 from .possible_laws import Law
 
 _SIZE = 3.0  # times the torque that is missed: a law's plausible torque
-_SAME = 1e-6
+_HELD = 1e-6  # of a size: what stays at nothing however sharp the data are
+SAME = 1e-6
 """Of a term's square that causes leave where it is one of theirs: rounding leaves 1e-30 of a sign
 beside dry friction, Dahl's friction 4e-3 beside one of another displacement, which is more."""
 
@@ -109,8 +107,7 @@ def with_laws(
     """Causes and laws fitted together, and the laws' numbers among the candidates.
 
     What a law has in common with causes is theirs: shared out, a friction would lose half of its
-    size to a law with the same term, and all of its certainty. Rows count for more where causes
-    made a joint worse, see `applicable`: without these they do not.
+    size to a law with the same term, and all of its certainty.
 
     Args:
         found: The causes.
@@ -128,28 +125,21 @@ def with_laws(
 
     rows = rows_with(laws)
     own = [
-        replace(law, sizes=np.where(_is_of(rows, i, causes), NOTHING, 1.0) * law.sizes)
+        replace(law, sizes=np.where(_is_of(rows, i, causes), _HELD, 1.0) * law.sizes)
         for i, law in zip(numbers, laws, strict=True)
     ]
     rows = rows_with(own)
-    rough = Selection.of(rows, [*found.levels])
-    rough.chosen = [*causes, *numbers]
-    levels = levels_of(rows, rough)
-    selection = Selection.of(rows, levels)
-    selection.chosen = list(rough.chosen)
-    weights = np.ones_like(found.weights) if dropped else found.weights
-    plain = plain_of(selection, levels, weights)
-    fit = ArmFit(rows, selection.whole, tuple(selection.chosen), plain.whole)
-    has_corrections = len(found.calibration) > len(found.fit.chosen) - len(found.clear)
-    out = replace(found, selection=selection, fit=fit, levels=np.array(levels), weights=weights)
-    clear = tuple(i for i in clear_causes(out) if i in causes and i in found.clear)
+    both = [*causes, *numbers]
+    levels = levels_of(rows, FittedArm.of(rows, [*found.levels], both))
+    fit = FittedArm.of(rows, levels, both)
+    out = replace(found, fit=fit, levels=np.array(levels))
+    clear = tuple(i for i in causes if i in found.clear and fit.chance(i) < CHANCE)
     unclear = [i for i in causes if i not in clear]
-    corrections = fit.calibration if has_corrections else []
     out = replace(
         out,
         clear=clear,
         named=tuple(fit.effects(clear)),
-        calibration=tuple(fit.effects([*unclear, *corrections])),
+        calibration=tuple(fit.effects([*unclear, *fit.calibration])),
     )
     return out, numbers
 
@@ -165,7 +155,7 @@ def _is_of(rows: ArmRows, i: int, causes: Sequence[int]) -> BoolArray:
     theirs = columns[:, [int(k) for c in every for k in rows.places[c]]]
     theirs = theirs / np.maximum(np.linalg.norm(theirs, axis=0), 1e-300)
     left = law - theirs @ np.linalg.lstsq(theirs, law, rcond=1e-9)[0]
-    return np.asarray(np.sum(left**2, axis=0) < _SAME * np.sum(law**2, axis=0))
+    return np.asarray(np.sum(left**2, axis=0) < SAME * np.sum(law**2, axis=0))
 
 
 def _refined(rows: ArmRows, causes: Sequence[int]) -> list[int]:

@@ -62,11 +62,16 @@ def columns_of(steps: Sequence[Winner], count: int) -> Array:
     return np.concatenate([np.zeros((count, 0)), *(step.columns for step in steps)], axis=1)
 
 
-def worth(channel: JointChannel, steps: Sequence[Winner]) -> float:
-    """Log likelihood of a channel with some laws, less all their prices [nats]."""
-    terms = channel.terms
-    level = terms.level(columns_of(steps, len(terms.data)))
-    return level.likelihood - sum(it.law.price for it in steps)
+def worth(channel: JointChannel, laws: Sequence[Law], causes: Sequence[int] = ()) -> float:
+    """Log likelihood of a channel with some laws, less their prices [nats].
+
+    Args:
+        channel: The channel.
+        laws: They.
+        causes: What has a prior as laws have, too.
+    """
+    columns = np.concatenate([channel.of_causes(causes), *channel.columns(laws)], axis=1)
+    return channel.terms.level(columns).likelihood - sum(law.price for law in laws)
 
 
 class LawSearch:

@@ -34,8 +34,6 @@ NO_LAWS = ('inertial', 'clock')
 
 SINE, PLAIN = 'sin(m x), cos(m x)', '1, u, u^2, u^3 of u = x - centre'
 """A torque that goes round, and one that is as smooth, near where the record was."""
-NAMED = ('x', 'sign(x)', 'sign(x), x', '1, u of u = x - centre')
-"""Forms that causes of a joint are, alone or two together: friction and a spring."""
 
 
 @dataclass(frozen=True, slots=True)

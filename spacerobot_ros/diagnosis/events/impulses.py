@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -33,14 +33,19 @@ def impulse_events(fit: Fit) -> Events:
     return _events(ImpulseScan(fit))
 
 
-def steps_beside_usual(run: Run) -> tuple[Events, Spans]:
+def steps_beside_usual(run: Run, causes: Sequence[Effect] = ()) -> tuple[Events, Spans]:
     """Steps of a run beside what is wrong of most: wheels that nobody knows, its thrusters.
 
     None where that leaves too much for a step to be told from it. A step that is large even so
     spoils what is fitted to it, delays most of all: its times are left out, and all is fitted and
     looked for again. Where that does not help these times are returned.
+
+    Args:
+        run: The run.
+        causes: What is known to be wrong of it.
     """
-    usual = _usual(run)
+    known = {cause.key for cause in causes}
+    usual = [*causes, *(effect for effect in _usual(run) if effect.key not in known)]
     spans: Spans = ()
     tried = {spans}
     scan = ImpulseScan(refine(run, usual))

@@ -37,6 +37,7 @@ from .wheel_momentum import Momentum
 
 _LATENESS_NS = 100_000_000  # by which a sample may come behind newer ones
 _GAP_NS = 2_000_000_000  # without joints, after which the state is found anew
+_POSSIBLE = 1e3  # N m s, of wheels of which nothing is known
 _NO_TORQUE = 10.0  # effort limits; neither a collision nor a current at its peak goes so far
 _UNUSABLE = (SpaceRobotError, ArithmeticError, ValueError, np.linalg.LinAlgError)
 _PART, _WATCHED = 0.25, 5  # s between looks for events, and newest parts in which one may begin
@@ -58,7 +59,7 @@ class Monitor:
         robot: Robot,
         settings: MonitorSettings,
         believed: Sequence[Effect] = (),
-        momentum_std: float = 1000.0,
+        momentum_std: float = _POSSIBLE,
     ) -> None:
         self.robot = robot
         self.probes = probes_of(robot)

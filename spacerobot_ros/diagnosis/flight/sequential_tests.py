@@ -31,6 +31,7 @@ _CLEARED = 0.5  # of the threshold, below which an alarm may end
 _UNEXPLAINED = 6.0  # nats of one test in one block; about four standard deviations
 _KEPT = 0.6  # of the threshold, to which sums fall back once the alarm is raised
 _TESTS = 5  # a probe; and, of a sensor, one for structure
+_JUMP, _STRUCTURE = 3, 4  # their numbers
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,14 +128,14 @@ class SequentialTests:
         self._decide(evidence)
         self._sums = np.minimum(sums, np.where(self.alarmed, _KEPT, 1.0) * self.threshold)
         strongest = np.argmax(sums, axis=0)
-        began = strongest == 3
+        began = strongest == _JUMP
         return Verdict(
             evidence,
             self.alarmed.copy(),
             np.where(began, jump, value),
             np.where(began, jump_std, std),
             rms,
-            strongest == 4,
+            strongest == _STRUCTURE,
             sharpest,
             bool(np.max(increments) < _UNEXPLAINED),
         )

@@ -18,13 +18,14 @@ from ...errors import RecordingError
 from ...estimation.inference.evidence import chi_square_tail
 from ...estimation.spin import LONGEST, TURNS, SpinWindow, nutation, spin_windows
 from ...formats import counted
+from ...inference.decisive import CONFOUNDED
 from ...model.robot import Robot
 from ...recording.record import Record
 from ..answer.cause import Cause, Evidence, Rival
 from ..answer.residuals import residuals
 from ..answer.result import Diagnosis, Gain, Series
 from ..answer.words import cause_in_words
-from ..limits import EQUIVALENT, FALSE_ALARMS
+from ..events.event_limits import FALSE_ALARMS
 from .lone_causes import cause_of, evidence_of
 from .spin_axis import Tilt, tilt_of
 from .spin_means import KINDS, MeanFit, SpinMeans
@@ -94,7 +95,7 @@ def _chosen(means: SpinMeans) -> tuple[MeanFit, dict[str, tuple[Rival, ...]]]:
     while len(best.kinds) < len(KINDS):
         trials = [means.fit((*best.kinds, kind)) for kind in KINDS if kind not in best.kinds]
         least = min(fit.bic(rows) for fit in trials)
-        alike = [fit for fit in trials if fit.bic(rows) - least < 2.0 * EQUIVALENT]
+        alike = [fit for fit in trials if fit.bic(rows) - least < 2.0 * CONFOUNDED]
         ahead = min(alike, key=lambda fit: fit.extent)  # the least that does
         is_better = least < best.bic(rows)
         if not (is_better and means.held_out(ahead.kinds) < means.held_out(best.kinds)):

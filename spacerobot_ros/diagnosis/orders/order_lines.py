@@ -17,8 +17,8 @@ from functools import cached_property
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
+from ...inference.decisive import CONFOUNDED
 from ...types import Array, BoolArray
-from ..limits import EQUIVALENT
 from .order_spectrum import OrderSpectrum, fitted, power
 
 BAND = (6.0, 0.45)  # Hz; of the rate of the samples
@@ -132,7 +132,7 @@ def lines_of(signal: FastSignal, turning: Turning) -> Iterator[OrderLine]:
         if line.p_value > _CHANCE or not is_sharp:
             return
         at = spectrum.seen(line.order)
-        if line.power > _power_by_time(np.where(at, white, 0.0)) + EQUIVALENT:
+        if line.power > _power_by_time(np.where(at, white, 0.0)) + CONFOUNDED:
             yield line
         white[at] -= _of_phase(white[at], line.order * spectrum.angle[at])
         skirt = max(_SKIRT / turning.reach, _SKIRT_SHARE * line.order)

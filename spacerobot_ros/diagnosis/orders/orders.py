@@ -14,15 +14,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from ...inference.decisive import CONFOUNDED
 from ...recording.record import Record
 from ...types import Array, BoolArray
 from ..answer.result import Order
-from ..limits import EQUIVALENT
 from .order_lines import BAND, FEWEST, FastSignal, OrderLine, Turning, lines_of, rival_power
 
 _HIGHEST = 1000.0  # periods a turn
 _HIGHEST_SLIDING = 2.0 * math.pi / 1e-3  # rad/m: threads of a millimetre
 _LEAST = 8.0  # periods a turn of a joint: fewer are slow enough for the balance
+_COARSE = 0.2  # sample steps a period of the band: more are none
 _HOLE = 3.0  # times the usual step between samples
 _MOST = 3  # lines of a wheel
 _NEARLY = 0.8  # of what a line explains: two wheels that turn alike, but for noise of their rates
@@ -45,7 +46,7 @@ class _Grid:
         step = float(np.median(np.diff(first)))
         start, end = (pick(t[i] for t in (first, *others)) for pick, i in ((max, 0), (min, -1)))
         time = np.arange(start, end, step)
-        if len(time) < FEWEST or BAND[0] * step > 0.2:
+        if len(time) < FEWEST or BAND[0] * step > _COARSE:
             return None
         is_there = np.ones(len(time), dtype=bool)
         for times in (first, *others):
@@ -135,7 +136,7 @@ def _distinguished(
         for line in lines_of(signal, own):
             rivals = [rival_power(signal, own, line.order, other, _ONE) for other in others]
             most = max(rivals, default=0.0)
-            if line.power > most + EQUIVALENT and most < _NEARLY * line.power:
+            if line.power > most + CONFOUNDED and most < _NEARLY * line.power:
                 yield wheel, line
 
 

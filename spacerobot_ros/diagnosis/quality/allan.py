@@ -21,6 +21,7 @@ from scipy.optimize import nnls
 from ...types import Array
 
 _LONGEST = 0.2  # of the record: beyond it too few differences are left
+_FEWEST = 5  # averaging times
 _PER_OCTAVE = 2
 _CLEAR = 9.0  # chi-square of one term, three standard deviations: it is there
 
@@ -66,7 +67,7 @@ def allan(channel: str, time: Array, angle_error: Array, unit: str = 'rad') -> A
     step = length / (count - 1)
     octaves = np.log2(max(_LONGEST * count, 1.0))
     spans = np.unique(np.round(2.0 ** np.arange(0.0, octaves, 1.0 / _PER_OCTAVE)).astype(int))
-    if len(spans) < 5:
+    if len(spans) < _FEWEST:
         return None
     even = np.linspace(time[0], time[-1], count)
     error = np.column_stack([np.interp(even, time, column) for column in angle_error.T])

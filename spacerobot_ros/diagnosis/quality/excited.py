@@ -37,7 +37,7 @@ from ...recording.record import Record
 from ..arms.arm_found import refuse_rest
 
 _STRETCH = 60.0  # s that are judged at once: bounds memory, and an initial state more is cheap
-_STRETCHES = 5  # of a long record, evenly spread
+_STRETCHES, _WHOLE = 5, 1.5  # of a long record, evenly spread
 _COLUMNS = 25  # a joint, of all effects
 _MOST_WORK = 6e10  # products of a stretch: some seconds; arms of 14 joints take half in a minute
 _LARGE = 20  # joints of a fixed robot beyond which a part is judged
@@ -178,7 +178,7 @@ def _groups(found: Sequence[Candidate]) -> Iterable[list[tuple[Effect, float]]]:
 def _stretches(record: Record, length: float) -> Iterable[Record]:
     """Parts of a record of so many seconds at most: five, or of a large robot the middle."""
     start, end = record.span
-    if end - start <= (1.5 if length == _STRETCH else 1.0) * length:
+    if end - start <= (_WHOLE if length == _STRETCH else 1.0) * length:
         return [record]
     starts = [0.5 * (start + end - length)]
     if length == _STRETCH:

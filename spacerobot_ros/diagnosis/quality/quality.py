@@ -21,6 +21,7 @@ from .allan import Allan, allan
 from .excited import Excited, excited, is_part
 from .readings import ROUNDING, Reading, readings
 from .sampling import (
+    SPLINE,
     ClockDelay,
     RateScale,
     Sampling,
@@ -126,7 +127,7 @@ def check_record(record: Record, file: RobotFile | None = None) -> Quality:
 
 def _alone(record: Record) -> Allan | None:
     """Of a gyro that no attitude is beside: its motion is in it."""
-    if len(record.attitude_time) or len(record.rate_time) < 4:
+    if len(record.attitude_time) or len(record.rate_time) <= SPLINE:
         return None
     time, moved = record.rate_time, spline_integral(record.rate_time, record.omega)
     return allan('gyro, its motion included', time, moved)

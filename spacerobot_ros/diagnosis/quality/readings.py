@@ -21,6 +21,7 @@ _RUN = 3  # equal readings in a row at an extreme
 _BEFORE = 6  # samples before them that say how they would have gone on
 _BEYOND = 25.0  # noise or steps: five times what the parabola makes of them
 _AT_LIMIT = 0.999  # of the URDF's effort limit
+_SAME = 1e-9  # of the range
 _REPEATED = 0.5  # share of distinct readings below which steps are the scale's and not chance
 
 
@@ -105,7 +106,7 @@ def _step(values: Array) -> float:
     if not 1 < len(distinct) < _REPEATED * len(values):
         return 0.0
     steps = np.diff(distinct)
-    return float(steps[steps > 1e-9 * float(np.ptp(values))].min(initial=np.inf))
+    return float(steps[steps > _SAME * float(np.ptp(values))].min(initial=np.inf))
 
 
 def _cut_off(values: Array, blur: float) -> BoolArray:

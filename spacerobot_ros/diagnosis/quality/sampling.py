@@ -17,6 +17,7 @@ from ...recording.faults.thresholds import MOVED
 from ...recording.record import SENSORS, RateSeries, Record, to_stamps
 from ...types import Array, IntArray
 
+SPLINE = 3  # degree of the curve that rates are integrated by
 _PASSES = 3
 _PARTS, _FEWEST, _MOST = 5, 40, 4000  # of a record, and samples of each, that delays come from
 
@@ -140,7 +141,7 @@ def discrepancies(record: Record, robot: Robot | None = None) -> Iterator[Discre
     a + int (b + M rate) dt, and positions whose stamps are d late -d rate.
     """
     qd = record.qd
-    if qd is not None and np.isfinite(qd).all() and len(qd) > 3:
+    if qd is not None and np.isfinite(qd).all() and len(qd) > SPLINE:
         time, n = record.joint_time, qd.shape[1]
         moved = spline_integral(time, qd)
         spread = np.stack([np.ones_like(qd), np.tile(time[:, None], n), moved], axis=2)
@@ -148,7 +149,7 @@ def discrepancies(record: Record, robot: Robot | None = None) -> Iterator[Discre
         unit = joint_unit('rad') if robot is None else robot.unit_of('rad')
         difference = record.q - moved
         yield Discrepancy('joint_position', 'joint_velocity', unit, time, difference, qd, others)
-    if record.attitude is not None and len(record.rate_time) > len(record.attitude_time) > 3:
+    if record.attitude is not None and len(record.rate_time) > len(record.attitude_time) > SPLINE:
         start, end = record.attitude_time[[0, -1]].tolist()
         seen = record.between(start - 1e-9, end)  # turns count from the first attitude
         if len(seen.rate_time) > len(seen.attitude_time):
@@ -178,7 +179,7 @@ def _of_base(record: Record, attitude: Rotation, omega: Array) -> Discrepancy:
 
 def spline_integral(time: Array, rate: Array) -> Array:
     """(N, ...) integral of rates from the first sample, by a cubic spline."""
-    curve = make_interp_spline(time, rate, k=min(3, len(time) - 1))
+    curve = make_interp_spline(time, rate, k=min(SPLINE, len(time) - 1))
     return np.asarray(curve.antiderivative()(time))
 
 

@@ -1,1 +1,1 @@
-"""Search for causes of what a predicting filter misses: rounds, second thoughts, conclusion."""
+"""Causes of what a predicting filter misses: columns, fits, conclusion."""

@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
-from ...estimation.fit import Fit
+import numpy as np
+
 from ...estimation.rows import ChannelFit
-from ...estimation.scaling import is_relevant
-from ..answer.cause import Cause, Estimated, Evidence, Ranked, Rival
-from ..answer.residuals import residuals, rms, series
-from ..answer.result import Diagnosis, Gain
-from ..answer.words import at, cause_in_words, verdict_of
-from ..limits import DRIFTING, MISFIT, RESOLVED
+from ...estimation.scaling import is_relevant, value_std
+from ...inference.decisive import MISFIT
+from ...inference.validation import HeldOut
+from ...types import Array
+from ..answer.cause import Cause, Estimated, Evidence, Rival
+from ..answer.residuals import residuals, series
+from ..answer.result import Covariance, Diagnosis, Gain
+from ..answer.words import cause_in_words, verdict_of
+from ..limits import MOST_CAUSES
+from .doubts import doubts
 from .found import Found
-from .soundness import drift_p, least_needed
 
-_STANDS = 'something that is not in the catalogue may be what they stand for'
-_CANCEL = f'but these undo most of what each of them does: {_STANDS}'
-_DRIFT = f'but the values drift along the record, if only together: {_STANDS}'
-_POOR = f'but a right model nearly always leaves less: {_STANDS}'
-_LITTLE = f'but what {{}} adds is so little that a wrong name may have left it: {_STANDS}'
-_UNHELD = f'but the frequency of a mode may as well be none: {_STANDS}'
-_UNFINISHED = 'the search was ended before all that stands out was looked into'
+_UNFINISHED = f'the search ended at {MOST_CAUSES} causes'
 
 
 def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
@@ -32,116 +30,105 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
         found: Its result.
         notes: What else a user should know.
     """
-    null = found.null
-    sound = {i: _cause(found, i) for i, check in enumerate(found.checks) if check.is_sound}
+    null, fit = found.null, found.fit
     null_p, white_before = null.rows.whiteness()
-    named = tuple(c for c in sound.values() if c.relevant)
-    minor = tuple(c for c in sound.values() if not c.relevant)
-    fit_p, white_left = found.sound.rows.whiteness()
+    fit_p, white_left = fit.rows.whiteness()
+    hypotheses = found.hypotheses
+    held_out = HeldOut(hypotheses, range(len(fit.causes)))
+    before, after = held_out.squares()
+    excess = max(float(np.sum(after)) - len(fit.data), 1.0)
+    order = sorted(range(len(fit.causes)), key=lambda i: -found.causes[i].log_odds)
+    causes = [_cause(found, i, excess) for i in order]
+    named = tuple(c for c in causes if c.relevant)
+    minor = tuple(c for c in causes if not c.relevant)
+    is_good = fit_p is not None and fit_p >= MISFIT
+    slabs = [cause.slabs for cause in found.causes]
+    doubt = next(doubts(fit, slabs), '') if is_good and named else ''
+    verdict = verdict_of(is_good and not doubt, bool(named))
     # what is shown is the model that is written
-    extended = found.only([i for i, c in sound.items() if c.relevant]) if minor else found.sound
-    fits = fit_p is not None and fit_p >= MISFIT
-    doubt = _doubt(found, named, fit_p or 0.0) if fits and named else ''
-    verdict = verdict_of(fits and not doubt, bool(named))
+    extended = found.only([i for i, c in zip(order, causes, strict=True) if c.relevant])
     channels = series(null.rows.channels(), extended.rows.channels())
-    joints = null.run.robot.joints
+    is_ended = len(fit.causes) >= MOST_CAUSES and not is_good
     return Diagnosis(
         verdict=verdict,
         sentence=_sentence(verdict, named, minor, doubt, _left(white_left)),
         causes=named,
         minor=minor,
-        residuals=residuals(channels, white_before, extended.rows.whiteness()[1], joints),
+        residuals=residuals(
+            channels, white_before, extended.rows.whiteness()[1], null.run.robot.joints
+        ),
         series=channels,
-        gain=_gain(null, extended, named),
-        ranking=tuple(_ranked(found)),
+        gain=_gain(before, after, len(fit.data)) if len(before) else Gain(),
         fit_p=fit_p,
         null_p=null_p,
         next_motion=tuple(r.motion for c in named for r in c.rivals if r.motion),
-        notes=notes if found.is_complete else (*notes, _unfinished(white_left)),
+        notes=(*notes, _UNFINISHED) if is_ended else notes,
+        covariance=_covariance(found, named),
     )
 
 
-def _unfinished(fits: Sequence[ChannelFit]) -> str:
-    """That a search was ended, and every channel in which something still stands out."""
-    left = [fit for fit in fits if fit.p_value * len(fits) < MISFIT]
-    listed = ', '.join(_stands_out(fit) for fit in sorted(left, key=lambda fit: fit.p_value))
-    return f'{_UNFINISHED}: {listed}' if left else _UNFINISHED
+def _cause(found: Found, i: int, excess: float) -> Cause:
+    """A cause with what speaks for it beside all others.
 
-
-def _cause(found: Found, index: int) -> Cause:
-    """A cause with what speaks for it beside all others."""
-    fit, choice, check = found.fit, found.choices[index], found.checks[index]
-    applied = fit.causes[index]
-    spread = fit.standard_deviations()[index]
-    own = [p for i, p in fit.free if i == index]
+    Args:
+        found: The causes.
+        i: One of them.
+        excess: Squares that are left of held-out rows with all causes, beyond one a row.
+    """
+    fit, inferred, applied = found.fit, found.causes[i], found.fit.causes[i]
+    own, deviations = fit.own(i), found.deviations
+    elpd = float(np.sum(inferred.gains))
     return Cause(
         applied=applied,
         parameters={
             p.name: Estimated(
                 value=applied.values[p.name],
-                std=spread[p.name],
+                std=value_std(p, applied.values[p.name], float(deviations[k])),
                 unit=applied.unit_at(fit.run.robot, applied.where, p),
             )
-            for p in own
+            for k, p in ((k, fit.free[k][1]) for k in own)
         },
         evidence=Evidence(
-            log_likelihood_gain=0.5 * choice.score.gain,
-            bic_gain=choice.score.bic_gain,
-            p_value=choice.score.p_value,
-            held_out_gain=check.held_out_gain,
-            placebo_gain=check.placebo_gain,
+            held_out_gain=2.0 * elpd / (2.0 * elpd + excess),
+            log_odds=inferred.log_odds,
+            elpd_gain=elpd,
         ),
         rivals=tuple(
-            Rival(effect=effect, where=where, bic_gap=2.0 * gap)
-            for effect, where, gap in choice.rivals
+            Rival(effect=effect, where=where, log_odds=log_odds)
+            for (effect, where), log_odds in found.rivals[applied.key].items()
         ),
-        thresholds={p.name: p for p in own},
-        relevant=any(is_relevant(p, applied.values[p.name]) for p in own),
-        constant_p=check.constant_p,
+        thresholds={fit.free[k][1].name: fit.free[k][1] for k in own},
+        relevant=any(
+            is_relevant(p, applied.values[p.name]) for p in (fit.free[k][1] for k in own)
+        ),
     )
 
 
-def _gain(null: Fit, fit: Fit, causes: Sequence[Cause]) -> Gain:
-    """Held-out error of the models, each fifth of the record with the values from the others."""
-    placebos = [c.evidence.placebo_gain for c in causes]
-    start, end = (rms(f.held_out()) for f in (null, fit))
-    excess = max(start**2 - 1.0, 0.0)
-    # shares of several causes are of other wholes
-    left = [max(start**2 - p * excess, 0.0) for p in placebos if math.isfinite(p)]
-    placebo = math.sqrt(min(left)) if left else math.nan
-    return Gain(before=start, after=end, placebo=placebo)
+def _covariance(found: Found, named: Sequence[Cause]) -> Covariance | None:
+    """Of the values of named causes, with the deviations that are said with them."""
+    fit = found.fit
+    places = {
+        (fit.causes[i].key, p.name): (k, p, fit.causes[i].values[p.name])
+        for k, (i, p) in enumerate(fit.free)
+    }
+    entries = [(c.applied, name) for c in named for name in c.parameters]
+    told = [places[applied.key, name] for applied, name in entries]
+    at = np.array([k for k, *_ in told], dtype=int)
+    slopes = np.array([-1.0 if p.role == 'reciprocal' else 1.0 for _, p, _ in told])
+    slopes *= [value_std(p, value, 1.0) for _, p, value in told]
+    own = fit.covariance()
+    wider = found.deviations / np.sqrt(np.maximum(np.diag(own), np.finfo(float).tiny))
+    matrix = np.outer(slopes * wider[at], slopes * wider[at]) * own[np.ix_(at, at)]
+    names = ('/'.join(filter(None, (a.id, a.where, name))) for a, name in entries)
+    return Covariance(names=tuple(names), matrix=matrix) if entries else None
 
 
-def _ranked(found: Found) -> Iterable[Ranked]:
-    for judged in found.first:
-        yield Ranked(
-            effect=judged.candidate.kind.id,
-            where=judged.candidate.where,
-            values=judged.applied.values,
-            evidence=judged.score.evidence,
-            log_likelihood_gain=0.5 * judged.score.gain,
-            p_value=judged.score.p_value,
-        )
-
-
-def _doubt(found: Found, named: Sequence[Cause], fit_p: float) -> str:
-    """Why causes that leave nothing may not be what they are named; empty for no reason.
-
-    Probabilities of the fit and of the drift are of different questions: the smaller one, doubled,
-    is what a right model has by chance (Tippett 1931). Their product (Fisher 1932) would be less
-    sharp: that of the fit is the least of many, corrected for their number, and 1 as a rule.
-    """
-    if found.is_cancelled:
-        return _CANCEL
-    modes = [c.parameters['frequency'] for c in named if 'frequency' in c.parameters]
-    if any(mode.std > RESOLVED * mode.value for mode in modes):
-        return _UNHELD
-    if (least := least_needed(found.sound)) is not None:
-        cause = found.sound.causes[least]
-        return _LITTLE.format(f'{cause.title}{at(cause.where)}')
-    if 2.0 * fit_p < DRIFTING:
-        return _POOR
-    return _DRIFT if 2.0 * drift_p(found.sound) < DRIFTING else ''
+def _gain(before: Array, after: Array, count: int) -> Gain:
+    """Held-out errors by the noise of the sensors, each part with values from the others."""
+    return Gain(
+        before=math.sqrt(float(np.sum(before)) / count),
+        after=math.sqrt(float(np.sum(after)) / count),
+    )
 
 
 def _sentence(

@@ -1,8 +1,8 @@
-"""What a search has found: the chosen causes, why, and whether each proved sound."""
+"""What a search has found: the model with all causes, and what speaks for each."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,26 +10,12 @@ import numpy as np
 
 from ...effects.effect import Key
 from ...estimation.fit import Fit
-from ...estimation.inference.evidence import Score
 from ...estimation.refit import refine
-from ..limits import CANCELLED
-from .pool import Judged
-from .soundness import Soundness
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Choice:
-    """A chosen cause, why, and what might stand in its place.
-
-    Args:
-        key: Effect and place.
-        score: Its score when it was chosen.
-        rivals: (effect, place, gap in log evidence) that fit nearly as well.
-    """
-
-    key: Key
-    score: Score
-    rivals: tuple[tuple[str, str | None, float], ...]
+from ...inference.decisive import MISFIT
+from ...inference.hypotheses import Hypotheses
+from ...inference.inferred import Inferred, InferredCause
+from ...types import Array
+from .linear_rows import LinearRows, variant_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,41 +24,53 @@ class Found:
 
     Args:
         null: The model as it stands.
-        fit: The model with all causes.
-        choices: One a cause of `fit`, in the same order.
-        checks: Whether each proved sound.
-        first: Every candidate's score against the model as it stands, best first.
-        is_complete: Whether the search ended because nothing more was wanted.
+        rows: The model with all causes, and everything else as columns.
+        inferred: What that says.
+        rivals: By cause, what could stand in its place, with the log odds against that.
     """
 
     null: Fit
-    fit: Fit
-    choices: tuple[Choice, ...]
-    checks: tuple[Soundness, ...]
-    first: tuple[Judged, ...]
-    is_complete: bool
-
-    @cached_property
-    def sound(self) -> Fit:
-        """The fit with only the sound causes."""
-        return self.only([i for i, check in enumerate(self.checks) if check.is_sound])
+    rows: LinearRows
+    inferred: Inferred
+    rivals: Mapping[Key, Mapping[Key, float]]
 
     @property
-    def is_cancelled(self) -> bool:
-        """Whether the sound causes undo most of what each of them does.
+    def fit(self) -> Fit:
+        """The model with all causes."""
+        return self.rows.fit
 
-        Known inputs that are wrong count as one: thrusters are mounted against each other, and
-        what each does follows its own command.
-        """
-        causes = self.sound.causes
-        each = [self.sound.changed(i) for i, c in enumerate(causes) if c.group != 'inputs']
-        inputs = [self.sound.changed(i) for i, c in enumerate(causes) if c.group == 'inputs']
-        each += [np.sum(inputs, axis=0)] if inputs else []
-        apart, together = sum(float(x @ x) for x in each), float(np.sum(np.sum(each, axis=0) ** 2))
-        return apart > CANCELLED * together
+    @property
+    def is_good(self) -> bool:
+        """Whether the model with all causes fits."""
+        p_value, _ = self.fit.rows.whiteness()
+        return p_value is not None and p_value >= MISFIT
+
+    @property
+    def gain(self) -> float:
+        """Log evidence of the causes."""
+        return self.fit.evidence - self.null.evidence
+
+    @cached_property
+    def hypotheses(self) -> Hypotheses:
+        """The causes in the order of `fit`, and all else."""
+        now = self.rows
+        return Hypotheses(now.blocks(now.data), now.hypotheses)
+
+    @property
+    def deviations(self) -> Array:
+        """(P,) standard deviations of all fitted coordinates, by the scatter over blocks."""
+        spread = np.sqrt(np.maximum(np.diag(self.fit.covariance()), 0.0))
+        robust = self.inferred.covariance
+        return spread if robust is None else spread * robust.wider
+
+    @property
+    def causes(self) -> list[InferredCause]:
+        """What speaks for each, in the order of `fit`."""
+        by_key = {variant_of(cause).key: cause for cause in self.inferred.causes}
+        return [by_key[cause.key] for cause in self.fit.causes]
 
     def only(self, kept: Sequence[int]) -> Fit:
         """The fit with only some of its causes."""
-        if list(kept) == list(range(len(self.choices))):
+        if len(kept) == len(self.fit.causes):
             return self.fit
-        return refine(self.fit.run, [self.fit.causes[i] for i in kept]) if kept else self.null
+        return refine(self.fit.run, [self.fit.causes[i] for i in kept])

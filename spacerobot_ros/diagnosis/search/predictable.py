@@ -12,11 +12,12 @@ from ...estimation.fit import Fit
 from ...estimation.refit import refine
 from ...estimation.runs import Run
 from ...estimation.trajectory.reference import NoiseLevels
+from ...inference.decisive import MISFIT
 from ...recording.record import Record
 from ..arms.arm_found import ArmFound
-from ..limits import LIKE_NOISE, MISFIT
-from .search import Search
-from .timing import better_timing, first_timing
+from ..limits import LIKE_NOISE
+from .linear_rows import CandidateColumns, LinearRows
+from .timing import log_odds_of, timings
 
 _PART, _PASSES, _TRIED, _LEFT = 1000, 3, 3, 2.0
 """Samples that are tried; steps of a fit there, which begins at what the balance found; effects
@@ -33,12 +34,12 @@ def is_predictable(found: ArmFound, noise: NoiseLevels, kinds: Sequence[type[Eff
     """
     if not _is_like_noise(found, noise):
         return False
-    fit = _fit_of(_liveliest(found.records[0]), found, noise, kinds)
+    fit = _fit_of(_liveliest(found.records[0]), found, noise)
     if (fit.rows.whiteness()[0] or 0.0) >= MISFIT:
         return True
     hidden = [kind for kind in kinds if kind.hidden]
-    judged = Search(fit.run, hidden, lambda what, share: None).judge(fit)
-    guesses = [(*fit.causes, j.guess(fit.rows.robot)) for j in judged[:_TRIED]]
+    beside = LinearRows(fit, CandidateColumns.of(fit, hidden)).alone()
+    guesses = [(*fit.causes, guess) for _, guess in beside[:_TRIED]]
     data = [refine(fit.run, guess, _PASSES).data for guess in guesses]
     return any(float(x @ x) <= _LEFT * len(x) for x in data)
 
@@ -61,13 +62,9 @@ def _liveliest(record: Record) -> Record:
     return record.between(float(time[k]), float(time[k + _PART]))
 
 
-def _fit_of(
-    record: Record, found: ArmFound, noise: NoiseLevels, kinds: Sequence[type[Effect]]
-) -> Fit:
-    """The named causes in a record, its efforts held as fits best."""
-    robot, believed = found.robot, found.believed
-    run = Run(record, robot, believed, noise, first_timing(record, robot, believed, noise, kinds))
-    fit = refine(run, found.named, _PASSES)
-    if timing := better_timing(fit, (run.timing,), _PASSES):
-        fit = refine(run.timed(timing), found.named, _PASSES)
-    return fit
+def _fit_of(record: Record, found: ArmFound, noise: NoiseLevels) -> Fit:
+    """The named causes in a record, its efforts acting as fits best."""
+    fit = Fit(Run(record, found.robot, found.believed, noise), found.named)
+    every = [fit, *(Fit(fit.run.timed(t), found.named) for t in timings(fit)[1:])]
+    best = max(every, key=lambda f: log_odds_of(f.run.timing) - 0.5 * f.misfit)
+    return refine(best.run, found.named, _PASSES)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
+from ...dynamics.random_body import deformed, random_solid
 from ...model.rigid_body import Solid
 from ...model.robot import Robot
 from ...types import Array
 from ..effect import Effect
 from ..motion import body_index
 from ..parameter import Parameter
+from ..prior import NOTHING, Prior, Scale
 
 _MOMENTS = ('mx', 'my', 'mz')
 _INERTIAS = ('ixx', 'ixy', 'iyy', 'ixz', 'iyz', 'izz')
@@ -21,6 +24,10 @@ _ROUNDING = 1e-9  # of a body's own inertia, by which it may seem to be below ze
 _RELEVANT = 5e-4  # of a body's own parameters: a change worth a name
 _LEAST_SHARE = 1e-3  # of the robot's mass
 _LEAST_RADIUS = 1e-2  # m
+_WRONG, _LOAD = 0.5, 0.1
+"""Of a body's mass, what one that is wrong is off by; of the mass of all that moves, a load."""
+_SHORT, _REACH = 0.2, 0.3
+"""Of the longest distance between joints: a body is as large at least; where a load may be."""
 
 
 class MovingBodyEffect(Effect):
@@ -78,6 +85,29 @@ class InertialParameters(MovingBodyEffect):
         *(Parameter(name, 'kg m', 20.0, 0.02, default=0.0) for name in _MOMENTS),
         *(Parameter(name, 'kg m^2', 20.0, 0.05, default=0.0) for name in _INERTIAS),
     )
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """A solid put there or lost, and another density; as the file is uncertain."""
+        body = scale.body
+        if body is None:
+            return None
+        mass = max(float(body.row[0]), _LEAST_SHARE * body.whole)
+        centre = body.row[1:4] / mass
+        gyration = math.sqrt(max(float(body.row[4] + body.row[6] + body.row[9]), 0.0) / mass)
+        arm = max(float(np.linalg.norm(centre)), gyration, _SHORT * body.length)
+        heavy, extent = _WRONG * mass, arm / math.sqrt(3.0)
+        if body.is_last and not body.is_lone:
+            heavy, extent = max(_LOAD * body.whole, heavy), max(_REACH * body.length, extent)
+        spread = extent**2 * np.eye(3)
+        if body.is_lone:  # elsewhere than along its centre is the zero of its encoder
+            along = centre / max(float(np.linalg.norm(centre)), NOTHING * arm)
+            spread = extent**2 * np.outer(along, along) + (NOTHING * arm) ** 2 * np.eye(3)
+        slab = random_solid(heavy, centre, spread, extent)
+        slab += _WRONG**2 * np.outer(body.row, body.row)
+        own = body.uncertainty
+        spike = np.zeros(10) if own is None else deformed(body.row, own)
+        return Prior(slab, spike, -1.0)
 
     def change(self, robot: Robot) -> Robot:
         """The robot with the body's parameters increased."""

@@ -9,6 +9,7 @@ from ...types import Array
 from ..joint import STICTION_RATE, JointEffect, direction
 from ..motion import Motion, inverse_mass
 from ..parameter import amount, searched
+from ..prior import Prior, Scale
 
 _RATIOS = {'minimum': -10.0, 'maximum': 10.0}
 
@@ -37,6 +38,12 @@ class CoupledFriction(JointEffect):
         amount('viscous', 'N m s/rad', 10.0, 0.05, default=0.0),
         searched('ratio', '', 1.0, nominal=1.0, default=1.0, guesses=(1.0, -1.0), **_RATIOS),
     )
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """By the torques of its joint."""
+        slab = 0.2 * np.array([scale.torque, scale.torque / scale.rate])
+        return scale.alike(slab, log_odds=-5.0)
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str | None, ...]:

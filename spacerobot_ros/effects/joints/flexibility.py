@@ -19,6 +19,7 @@ from ...types import Array
 from ..joint import JointEffect
 from ..motion import Motion
 from ..parameter import Parameter, amount, searched
+from ..prior import Prior, Scale
 from ..sensors.sensor_errors import SensorFault
 
 _SHARE = {'minimum': 0.0, 'maximum': 1.0}
@@ -135,6 +136,11 @@ class Backlash(JointEffect, SensorFault):
     title = 'play between the encoder on the motor and the link'
     channel = 'joint_position'
     parameters = (amount('gap', 'rad', 2e-3, 1e-4, maximum=1.0),)
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """The smoothed motion has no jumps."""
+        return None
 
     def faulty(self, value: Array, motion: Motion) -> Array:
         """The motor's angle."""

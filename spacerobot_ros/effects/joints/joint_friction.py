@@ -9,6 +9,7 @@ from ...types import Array
 from ..effect import Effect
 from ..joint import STICTION_RATE, JointTorque, direction
 from ..parameter import amount, searched
+from ..prior import REFINED, RUN_TO_RUN, Prior, Scale
 
 _VELOCITIES = {'above': STICTION_RATE, 'maximum': 10.0}
 _FALLS = (0.005, 0.015, 0.05, 0.15)
@@ -29,6 +30,11 @@ class ViscousFriction(JointTorque):
     id = 'joint_viscous_friction'
     title = 'viscous friction in a joint'
     parameters = (amount('coefficient', 'N m s/rad', 10.0, 0.05),)
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """By the torques of its joint."""
+        return scale.alike(scale.torque / scale.rate, RUN_TO_RUN * scale.viscous)
 
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """Torque against the joint rate."""
@@ -53,6 +59,11 @@ class CoulombFriction(JointTorque):
     id = 'joint_coulomb_friction'
     title = 'Coulomb friction in a joint'
     parameters = (amount('torque', 'N m', 3.0, 0.01),)
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """By the torques of its joint."""
+        return scale.alike(scale.torque, RUN_TO_RUN * scale.dry)
 
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """Torque of constant size against the joint rate."""
@@ -117,6 +128,11 @@ class StribeckFriction(JointTorque):
         searched('velocity', 'rad/s', 0.1, nominal=0.01, guesses=_FALLS, **_VELOCITIES),
     )
 
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """By the torques of its joint."""
+        return scale.alike(0.3 * scale.torque, RUN_TO_RUN * scale.dry, REFINED)
+
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """Torque that falls from its static to its Coulomb value as the joint gets moving."""
         share = np.exp(-((qd / self['velocity']) ** 2))
@@ -166,6 +182,11 @@ class FrictionCurvature(JointTorque):
         searched('rate', 'rad/s', 1.0, nominal=1.0, above=0.0, maximum=100.0, guesses=(0.3, 1.0)),
     )
 
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """By the torques of its joint."""
+        return scale.alike(scale.torque, RUN_TO_RUN * scale.dry, REFINED)
+
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """Torque against the joint rate beyond a straight law."""
         x = np.minimum(np.abs(qd) / self['rate'], 1.0)
@@ -192,6 +213,11 @@ class LoadFriction(JointTorque):
     follows_load = True
     title = 'friction in proportion to the load of a joint'
     parameters = (amount('coefficient', '', 0.1, 1e-3, maximum=1.0),)
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """A tenth of the torque."""
+        return scale.alike(0.1, log_odds=REFINED)
 
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """Torque against the joint rate in proportion to the motor torque."""

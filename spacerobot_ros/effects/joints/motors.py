@@ -9,6 +9,7 @@ from ...types import Array
 from ..joint import JointEffect, JointTorque
 from ..motion import Motion
 from ..parameter import Parameter, amount, phase, searched
+from ..prior import Prior, Scale
 
 _HARMONICS = tuple(2.0**k for k in range(8))
 """First guesses of a ripple's periods in one turn."""
@@ -30,6 +31,11 @@ class TorqueConstant(JointTorque):
     needs_motor = True
     title = "a motor's torque constant off its nominal value"
     parameters = (amount('gain', '', 0.1, 3e-4, nominal=1.0, maximum=10.0),)
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """As data sheets and sensors are off."""
+        return scale.alike(0.15, scale.gain)
 
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """What the motor gives beyond its nominal torque; friction is none of it."""
@@ -89,6 +95,12 @@ class TorqueRipple(JointTorque):
         phase(),
     )
 
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """By the torques of its joint."""
+        slab = 0.1 * scale.torque
+        return scale.alike(slab, log_odds=-3.0) if scale.has_angle else None
+
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """Torque that goes round with the joint."""
         return self['amplitude'] * np.sin(self['harmonic'] * q + self['phase'])
@@ -128,6 +140,12 @@ class Stiffness(JointTorque):
         searched('rest_angle', 'rad', 1.0, default=0.0, guesses=_RESTS, **_TURNS),
     )
 
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """By the torques of its joint."""
+        slab = 0.3 * scale.torque / scale.range
+        return scale.alike(slab, log_odds=-2.0) if scale.has_angle else None
+
     def torque(self, q: Array, qd: Array, effort: Array) -> Array:
         """Torque towards the rest angle."""
         return -self['stiffness'] * (q - self['rest_angle'])
@@ -155,6 +173,12 @@ class MotorInertia(JointEffect):
     needs_motor = True
     title = "inertia of a geared motor's rotor"
     parameters = (amount('inertia', 'kg m^2', 3.0, 0.02),)
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """By what the joint turns; a URDF has no place for it, so that few files state it."""
+        needed = scale.torque / scale.acceleration
+        return scale.alike(max(0.5 * scale.inertia, 0.3 * needed), log_odds=1.0)
 
     def change(self, robot: Robot) -> Robot:
         """More inertia against the joint's own acceleration."""

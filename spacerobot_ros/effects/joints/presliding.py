@@ -25,6 +25,7 @@ from ..joint import JointEffect
 from ..laws.hysteresis import SLIDING_ACCELERATION, fastest_share
 from ..motion import Motion
 from ..parameter import amount, searched
+from ..prior import REFINED, Prior, Scale
 
 _DISPLACEMENTS = {'minimum': 1e-5, 'maximum': 1.0}
 _GUESSES = (3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
@@ -51,6 +52,11 @@ class PreslidingFriction(JointEffect):
         amount('torque', 'N m', 3.0, 0.01),
         searched('displacement', 'rad', 1e-2, nominal=1e-3, guesses=_GUESSES, **_DISPLACEMENTS),
     )
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """By the torques of its joint."""
+        return scale.alike(scale.torque, log_odds=REFINED) if scale.has_angle else None
 
     def force(self, motion: Motion, hidden: Array) -> Array:
         """The mobilised share of the torque."""

@@ -9,6 +9,7 @@ from ...types import Array
 from ..joint import JointEffect
 from ..motion import Motion
 from ..parameter import Parameter, amount
+from ..prior import BY_DIRECTION, Prior, Scale
 from .sensor_errors import SensorFault
 
 
@@ -39,6 +40,11 @@ class EncoderOffset(JointSensor):
     channel = 'joint_position'
     parameters = (Parameter('offset', 'rad', 0.02, 1e-4),)
 
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """As zeros are set by hand [rad]."""
+        return scale.alike(0.02) if scale.has_angle else None
+
 
 class EncoderScale(JointSensor):
     """q_measured = gain q.
@@ -55,6 +61,11 @@ class EncoderScale(JointSensor):
     title = 'wrong scale of an encoder'
     channel = 'joint_position'
     parameters = (Parameter('gain', '', 0.01, 3e-4, nominal=1.0, above=0.0),)
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """Bodies and gravity of such a size are told from it by no torque."""
+        return None
 
 
 class JointRateScale(JointSensor):
@@ -73,6 +84,11 @@ class JointRateScale(JointSensor):
     channel = 'joint_velocity'
     parameters = (Parameter('gain', '', 0.02, 5e-4, nominal=1.0, above=0.0),)
 
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """The smoothed motion is that of the angles."""
+        return None
+
 
 class TorqueSensorBias(JointSensor):
     """tau_measured = tau + bias.
@@ -90,6 +106,11 @@ class TorqueSensorBias(JointSensor):
     channel = 'joint_effort'
     needs_motor = True
     parameters = (Parameter('bias', 'N m', 1.0, 0.01),)
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """A zero that is off may be as large as a weight that efforts leave out."""
+        return scale.alike(0.3 * scale.needed, BY_DIRECTION * scale.dry)
 
     @classmethod
     def fitted_places(cls, robot: Robot) -> tuple[str | None, ...]:
@@ -114,6 +135,12 @@ class CurrentOffset(JointSensor):
     channel = 'joint_effort'
     needs_current = True
     parameters = (Parameter('offset', 'A', 0.1, 1e-3),)
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """As a bias of the torque."""
+        slab, spike = 0.3 * scale.needed, BY_DIRECTION * scale.dry
+        return scale.alike(slab / scale.unit, spike / scale.unit)
 
     def faulty(self, value: Array, motion: Motion) -> Array:
         """The joint's torque shifted by that of the offset."""
@@ -140,6 +167,11 @@ class JointSensorDelay(JointEffect):
     id = 'joint_sensor_delay'
     title = 'samples of a joint later than those of the others'
     parameters = (amount('delay', 's', 0.02, 1e-3, maximum=10.0),)
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """Of buses and filters [s]."""
+        return scale.alike(max(0.01, scale.interval))
 
     @classmethod
     def fitted_places(cls, robot: Robot) -> tuple[str | None, ...]:

@@ -11,6 +11,7 @@ from ...types import Array
 from ..effect import Effect
 from ..motion import Motion
 from ..parameter import Parameter, amount, xyz
+from ..prior import Prior, Scale
 
 
 class SensorFault(Effect):
@@ -205,6 +206,11 @@ class JointDelay(Delay):
     clock = 'joints'
     title = 'late joint states'
 
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """Torques are late with the motion that they belong to."""
+        return None
+
 
 class EffortDelay(Delay):
     """Torques that are late beside the rest of the joint states.
@@ -216,3 +222,8 @@ class EffortDelay(Delay):
     clock = 'effort'
     title = 'torques later than the joint positions that they come with'
     parameters = _delay(5e-4)
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """Of buses and filters [s]."""
+        return scale.alike(max(0.01, scale.interval))

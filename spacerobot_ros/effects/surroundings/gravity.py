@@ -13,7 +13,10 @@ from ...types import Array
 from ..effect import Effect
 from ..motion import Motion
 from ..parameter import amount, searched, xyz
+from ..prior import NOTHING, Prior, Scale
 from .environment import External, into_base
+
+_ALONG = 0.9  # of a direction, from which an axis is along gravity
 
 
 class GravityGradient(External):
@@ -98,6 +101,17 @@ class GravityError(Effect):
     title = 'gravity that is not as believed'
     group = 'environment'
     parameters = xyz('m/s^2', 0.2, 0.01)
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """A tilt: its magnitude is known, and no scale of all masses.
+
+        A base is set up once, with a level; zeros of encoders, which may look like its tilt, are
+        set joint by joint.
+        """
+        size = max(float(np.linalg.norm(scale.gravity)), np.finfo(float).tiny)
+        is_along = np.abs(scale.gravity) > _ALONG * size
+        return scale.alike(0.2 * np.where(is_along, NOTHING, 1.0), log_odds=-2.0)
 
     def change(self, robot: Robot) -> Robot:
         """Another gravity."""

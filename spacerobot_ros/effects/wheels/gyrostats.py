@@ -17,12 +17,18 @@ from ...types import Array
 from ..effect import Effect
 from ..motion import Motion
 from ..parameter import Parameter, amount, phase, searched, xyz
+from ..prior import Prior, Scale
 
 
 class WheelEffect(Effect):
     """An effect of the gyrostat wheels of one link, the captured body's among them."""
 
     group = 'wheels'
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """Of wheels on an arm that stands on the ground nothing is asked."""
+        return None
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str | None, ...]:

@@ -10,9 +10,7 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...model.robot import Robot
-from ...types import Array
 from ..columns import Candidate, candidate_at
-from .arm_priors import BODY_SIZE
 from .balance import Balance
 
 _PER_TURN = (1.0, 2.0)
@@ -25,9 +23,9 @@ _BY_PATH = ('joint_presliding_friction',)
 _DISPLACEMENTS = (1e-3, 3e-3, 1e-2, 3e-2)  # rad, over which dry friction builds up
 _TOGETHER = 0.05  # of a recording, in which two joints must show what couples them, either way
 _CLEARLY = 0.1  # of a rate, which the sum of two exceeds where its sign counts
+GAIN = 'joint_torque_constant'
 ZEROS = ('torque_sensor_bias', 'current_offset')
 """Of sensors, which may be set anew before each recording."""
-_LEAST_MASS, _STEP = -0.95, 1e-4  # of a link's mass, added to it: the least there is
 _REVERSALS = 4.0  # displacements that a motion must cover to slide at all, and back
 
 
@@ -42,7 +40,7 @@ def arm_candidates(
     """
     robot = balances[0].robot
     for kind in kinds:
-        if not kind.is_fitted or kind.needs_free_base or (kind.hidden and kind.id not in _BY_PATH):
+        if not may_be_on_an_arm(kind):
             continue
         for where in kind.fitted_places(robot):
             beside = (e for e in balances[0].effects if e.where == where)
@@ -52,6 +50,12 @@ def arm_candidates(
                 candidate = candidate_at(kind, robot, where, variant)
                 if candidate is not None:
                     yield candidate
+
+
+def may_be_on_an_arm(kind: type[Effect]) -> bool:
+    """Whether an effect is asked for where torques are balanced."""
+    has_path = not kind.hidden or kind.id in _BY_PATH
+    return kind.is_fitted and not kind.needs_free_base and has_path
 
 
 def candidates_of_recordings(
@@ -71,40 +75,18 @@ def candidates_of_recordings(
     zeros = [c for c in shared if c.kind.id in ZEROS]
     if count > 1 and count * len(zeros) <= sum(len(c.sizes) for c in shared):
         for run in range(count):
-            yield from (replace(c, recordings=(run,)) for c in zeros)
+            yield from (_of_recordings(c, (run,)) for c in zeros)
     payloads = [('inertial_parameters', link) for link in robot.last_links]
     if 0 < len(loaded) < count:
-        yield from (replace(c, recordings=tuple(loaded)) for c in shared if c.key in payloads)
+        yield from (_of_recordings(c, tuple(loaded)) for c in shared if c.key in payloads)
 
 
-def wrong_masses(shared: Sequence[Candidate], balances: Sequence[Balance]) -> Iterable[Candidate]:
-    """Links as heavy as no file of them says, by one number.
-
-    A density that is wrong changes all ten inertial parameters alike; a mass that is, those of a
-    point of that mass where the file has the centre. Ten numbers pay for nine coincidences.
-    Where a motor is off only ratios are told: a smaller mass is all other torques, enlarged.
-
-    Args:
-        shared: The catalogue's candidates.
-        balances: The model along every recording.
-    """
-    if any(b.arm.unpowered.any() for b in balances):
-        return
-    robot = balances[0].robot
-    names = [body.name for body in robot.bodies]
-    for c in (c for c in shared if c.kind.id == 'inertial_parameters'):
-        k = names.index(str(c.where))
-        body = robot.inertial_parameters[k]
-        if body[0] > 0.0 and robot.joints[k - 1] not in robot.rate_only:
-            for along in (body, _as_point(body)):
-                yield c.all_along(along, BODY_SIZE, _LEAST_MASS, _STEP)
-
-
-def _as_point(body: Array) -> Array:
-    """(10,) the part of inertial parameters that goes with the mass alone."""
-    m, (x, y, z) = body[0], body[1:4] / body[0]
-    moments = [y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y]
-    return np.array([m, *body[1:4], *(m * np.array(moments))])
+def _of_recordings(candidate: Candidate, recordings: tuple[int, ...]) -> Candidate:
+    """The same in some recordings, where it is not there unless it is a cause."""
+    prior = candidate.prior
+    if prior is not None:
+        prior = replace(prior, spike=np.zeros(len(candidate.sizes)))
+    return replace(candidate, recordings=recordings, prior=prior)
 
 
 def _variants(

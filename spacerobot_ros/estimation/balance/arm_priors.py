@@ -1,23 +1,17 @@
-"""How large a cause may be on a machine, and how wrong every machine's file is at the least.
-
-A cause's size is the standard deviation that its coefficients are thought to have where it is one;
-its tolerance the one that they have anyway, on any real machine, without being worth a name. Both
-are in the machine's own units: torques by the rms that it needs, masses by its own. The figures
-are those of measured arms, tried on simulated ones with a coloured leftover
-(docs/real_machines.md): wider tolerances hide more causes than they save false names.
-"""
+"""Magnitudes of an arm and its recordings, which say how large its causes may be."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from ...dynamics.equations import Dynamics
+from ...effects.bodies.bodies import MovingBodyEffect
 from ...effects.effect import Effect
+from ...effects.prior import BodyScale, Prior, Scale
 from ...model.robot import Robot
 from ...model.robot_settings import LINK_SIDE
 from ...types import Array
@@ -26,15 +20,6 @@ from .balance import Balance
 
 _GAIN_TOLERANCE, _SENSOR_TOLERANCE = 0.08, 0.03
 """Of a torque that is a motor current times a constant from a data sheet; of a torque sensor."""
-NOTHING = 1e-4
-"""Of a size: no tolerance, and still a number."""
-_BY_ANGLE = (
-    'joint_torque_ripple',
-    'joint_stiffness',
-    'encoder_offset',
-    'joint_presliding_friction',
-)
-"""Nothing of a wheel of which only the rate is measured: its angle begins anywhere, and drifts."""
 _POSES = 20  # of a recording, for the largest inertia
 DRY = 'joint_coulomb_friction'
 VISCOUS = 'joint_viscous_friction'
@@ -50,14 +35,6 @@ SHAPES = (
 """Laws of friction that are finer than a straight one."""
 FRICTION = (DRY, VISCOUS, *SHAPES)
 """Laws of the rates alone."""
-_BODY_TOLERANCE, BODY_SIZE = 0.1, 0.5
-"""Of a body's mass, and of that times its size: what any file is off by (docs/real_machines.md),
-and what one that is wrong may be off by."""
-RUN_TO_RUN = 0.05
-"""Of a friction: by so much it differs from run to run of one machine, which a single recording
-can not show (docs/real_machines.md)."""
-BY_DIRECTION = RUN_TO_RUN / math.sqrt(2.0)
-"""Of a friction: half of the difference between its directions, each of which differs by that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,67 +101,50 @@ class Machine:
         every = np.concatenate([np.zeros((1, n)), *poses])
         return np.max([np.diag(dynamics.mass_matrix(q))[-n:] for q in every], axis=0)
 
-    @cached_property
-    def mass(self) -> float:
-        """Of all that moves [kg]."""
-        return float(np.sum(self.robot.inertial_parameters[1:, 0]))
-
-    @cached_property
-    def length(self) -> float:
-        """Longest distance from one joint to the next [m]."""
-        offsets = [float(np.linalg.norm(b.translation)) for b in self.robot.bodies[1:]]
-        return max(*offsets, 1e-3)
-
-    def prior(self, candidate: Candidate) -> tuple[Array, Array] | None:
-        """(K,) sizes and (K,) tolerances of its coefficients.
+    def prior(self, candidate: Candidate) -> Prior | None:
+        """Of its coefficients.
 
         None: it is no cause on an arm, or nothing of it can show.
         """
-        kind, where = candidate.kind.id, candidate.where
-        if kind == 'inertial_parameters':
-            return self._body(str(where))
-        if kind in _BY_ANGLE and where in self.robot.rate_only:
+        scale = self._scale(candidate)
+        return None if scale is None else candidate.kind.prior(scale)
+
+    def prior_of_load(self, candidate: Candidate) -> Prior | None:
+        """Of what is put on a body, wherever that is, or taken off."""
+        scale = self._scale(candidate)
+        if scale is None or scale.body is None:
             return None
-        if where in self.robot.joints:
-            j = self.robot.joints.index(str(where))
-            if not self.torque[j]:  # it never moves, or has no effort
-                return None
-            torque, rate = float(self.torque[j]), max(float(self.rate[j]), 1e-6)
-            scale = float(self.torque_scale[j])
-            inertia = max(0.5 * float(self.inertia[j]), 0.3 * torque / float(self.acceleration[j]))
-        else:
-            j, torque, rate, scale, inertia = 0, 0.0, 1.0, 0.0, 0.0
-        own = 0.2 * np.array([torque, torque / rate])
-        dry, unit = self.friction(DRY, where), self._unit(where)
-        sizes: dict[str, tuple[float | Array, float]] = {
-            'joint_coulomb_friction': (torque, RUN_TO_RUN * dry),
-            'joint_viscous_friction': (torque / rate, RUN_TO_RUN * self.friction(kind, where)),
-            'joint_stribeck_friction': (0.3 * torque, RUN_TO_RUN * dry),
-            'joint_friction_curvature': (torque, RUN_TO_RUN * dry),
-            'joint_presliding_friction': (torque, 0.0),
-            OF_LOAD: (0.1, 0.0),
-            'joint_coupled_friction': (own, 0.0),
-            'joint_torque_constant': (0.15, torque_tolerance(self.robot)[j]),
-            'joint_torque_ripple': (0.1 * torque, 0.0),
-            'joint_stiffness': (0.3 * torque / self.range[j], 0.0),
-            'motor_inertia': (inertia, 0.0),
-            'torque_sensor_bias': (0.3 * scale, BY_DIRECTION * dry),
-            'current_offset': (0.3 * scale / unit, BY_DIRECTION * dry / unit),
-            'joint_sensor_delay': (max(0.01, self.interval), 0.0),
-            'encoder_offset': (0.02, 0.0),
-            'effort_delay': (max(0.01, self.interval), 0.0),
-            'gravity_error': (0.2, 0.0),
-        }
-        if candidate.kind.is_own:
-            return candidate.sizes, NOTHING * candidate.sizes
-        if kind not in sizes:
+        body = replace(scale.body, is_last=True, uncertainty=None)
+        return candidate.kind.prior(replace(scale, body=body))
+
+    def _scale(self, candidate: Candidate) -> Scale | None:
+        """At its place; None of a joint that never moves, or has no effort."""
+        where, robot = candidate.where, self.robot
+        names = [body.name for body in robot.bodies]
+        common = Scale(
+            sizes=candidate.sizes, interval=self.interval, gravity=np.array(robot.gravity)
+        )
+        if issubclass(candidate.kind, MovingBodyEffect):
+            return replace(common, body=body_scale(self.robot, names.index(str(where))))
+        if where not in robot.joints:
+            return common
+        j = robot.joints.index(str(where))
+        if not self.torque[j]:
             return None
-        size, tolerance = sizes[kind]
-        shares = np.ones(len(candidate.sizes))
-        if kind == 'gravity_error':  # a tilt: its magnitude is known, and no scale of all masses
-            down = self.robot.gravity / max(float(np.linalg.norm(self.robot.gravity)), 1e-9)
-            shares = np.where(np.abs(down) > 0.9, NOTHING, 1.0)
-        return size * shares, np.maximum(tolerance, NOTHING * size) * shares
+        return replace(
+            common,
+            torque=float(self.torque[j]),
+            needed=float(self.torque_scale[j]),
+            rate=max(float(self.rate[j]), 1e-6),
+            acceleration=float(self.acceleration[j]),
+            range=float(self.range[j]),
+            has_angle=where not in robot.rate_only,
+            inertia=float(self.inertia[j]),
+            unit=self._unit(where),
+            gain=float(torque_tolerance(robot)[j]),
+            dry=self.friction(DRY, where),
+            viscous=self.friction(VISCOUS, where),
+        )
 
     def _unit(self, where: str | None) -> float:
         """Torque of an ampere of a joint's motor [N m]."""
@@ -195,23 +155,6 @@ class Machine:
         """Of a joint, in the file: the first number of this law and of those that refine it."""
         return friction_of(self.balances[0].effects, kind, where)
 
-    def _body(self, where: str) -> tuple[Array, Array]:
-        names = [body.name for body in self.robot.bodies]
-        row = self.robot.inertial_parameters[names.index(where)]
-        mass = max(float(row[0]), 1e-3 * self.mass)
-        com = float(np.linalg.norm(row[1:4])) / mass
-        gyration = float(np.sqrt(max(row[4] + row[6] + row[9], 0.0) / mass))
-        own = _scales(mass, max(com, gyration, 0.2 * self.length))
-        if where not in self.robot.last_links:
-            return BODY_SIZE * own, _BODY_TOLERANCE * own
-        sizes = _scales(0.1 * self.mass, 0.3 * self.length)
-        if self.robot.n_joints > 1:
-            sizes = np.maximum(sizes, BODY_SIZE * own)
-        elif self.robot.passive_joints:
-            sizes = np.maximum(sizes, BODY_SIZE * own * _along(row[1:4]))
-        # of a lone motor's it is a rotor's inertia, an encoder's zero, a scale of torques
-        return sizes, NOTHING * sizes  # a load is there or not
-
     def _rms(self, every: Sequence[Array], state: str = '') -> Array:
         """(n,) of (N, n) values of every recording where joints move, motors on or off."""
         total, count = np.zeros(self.robot.n_joints), np.zeros(self.robot.n_joints)
@@ -220,18 +163,6 @@ class Machine:
             total += np.sum(values**2 * moving, axis=0)
             count += np.sum(moving, axis=0)
         return np.sqrt(total / np.maximum(count, 1))
-
-
-def _scales(mass: float, arm: float) -> Array:
-    """(10,) of the inertial parameters of a body of a mass [kg] and an extent [m]."""
-    return mass * np.array([1.0, *[arm] * 3, *[arm**2] * 6])
-
-
-def _along(moment: Array) -> Array:
-    """(10,) shares of a body that do not turn its first moment, as the zero of an encoder does."""
-    size = float(np.linalg.norm(moment))
-    along = np.abs(moment) / size if size else np.ones(3)
-    return np.array([1.0, *np.maximum(along, NOTHING), *[1.0] * 6])
 
 
 def is_kind_of(effect: Effect | type[Effect], law: str) -> bool:
@@ -251,3 +182,18 @@ def torque_tolerance(robot: Robot) -> Array:
     is_sensor = [kinds.get(joint) == LINK_SIDE for joint in robot.joints]
     known = np.where(is_sensor, _SENSOR_TOLERANCE, _GAIN_TOLERANCE)
     return np.where(np.isin(robot.joints, robot.passive_joints), 0.0, known)
+
+
+def body_scale(robot: Robot, k: int) -> BodyScale:
+    """Magnitudes of a robot's body number k."""
+    is_last = robot.bodies[k].name in robot.last_links
+    is_load = is_last and k not in robot.uncertain_bodies  # it is there or not
+    steps = [float(np.linalg.norm(b.translation)) for b in robot.bodies[1:]]
+    return BodyScale(
+        row=robot.inertial_parameters[k],
+        uncertainty=None if is_load else robot.uncertainty_of(k),
+        whole=float(np.sum(robot.inertial_parameters[1:, 0])),
+        length=max(*steps, 1e-3),
+        is_last=is_last,
+        is_lone=robot.n_joints == 1,
+    )

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Self
 
 import numpy as np
 
 from ...effects.effect import Effect
+from ...effects.prior import NOTHING
 from ...model.robot import Robot
 from ...types import Array, BoolArray, IntArray
 from ..columns import Candidate
 from ..inference.evidence import Gram
 from .anchor import HELD, scale_columns, unanchored
-from .arm_candidates import ZEROS, arm_candidates, candidates_of_recordings, wrong_masses
+from .arm_candidates import GAIN, ZEROS, arm_candidates, candidates_of_recordings
 from .arm_columns import columns_of
-from .arm_priors import DRY, NOTHING, Machine
+from .arm_priors import DRY, Machine
 from .balance import Balance, rms
 from .leftover import JointRows, with_unit_shapes
-from .row_blocks import blocks_of, moments_of
+from .row_blocks import blocks_of, clusters_of
 
 _TOLERATED = 1e-3  # of a size; `arm_priors` gives less to what no machine has
 
@@ -53,8 +52,8 @@ class ArmRows:
         for candidate in arm_candidates(kinds, balances):
             prior = machine.prior(candidate)
             if prior is not None:
-                found.append(replace(candidate, sizes=prior[0]))
-                tolerances.append(prior[1])
+                found.append(candidate.with_prior(prior))
+                tolerances.append(prior.tolerances)
         return cls(tuple(balances), tuple(found), np.concatenate(tolerances))
 
     def with_own(self, loaded: Sequence[int]) -> ArmRows:
@@ -63,10 +62,6 @@ class ArmRows:
         return self.with_more(
             [*candidates_of_recordings(self.candidates, self.robot, count, loaded)]
         )
-
-    def with_masses(self) -> ArmRows:
-        """With masses of links that are wrong."""
-        return self.with_more([*wrong_masses(self.candidates, self.balances)])
 
     def with_more(self, more: Sequence[Candidate]) -> ArmRows:
         """With further candidates, which no machine has unless they are chosen."""
@@ -85,11 +80,6 @@ class ArmRows:
         """Candidates that are zeros of single recordings."""
         every = enumerate(self.candidates)
         return [i for i, c in every if c.recordings and c.kind.id in ZEROS]
-
-    @property
-    def has_load(self) -> bool:
-        """Whether a load is declared in some recordings."""
-        return any(c.recordings and c.kind.id not in ZEROS for c in self.candidates)
 
     @cached_property
     def sizes(self) -> Array:
@@ -151,33 +141,10 @@ class ArmRows:
         """The model's."""
         return self.balances[0].robot
 
-    @cached_property
-    def lower(self) -> Array:
-        """(K,) least coefficients."""
-        return np.concatenate([c.lower for c in self.candidates])
-
-    @cached_property
-    def upper(self) -> Array:
-        """(K,) largest coefficients."""
-        return np.concatenate([c.upper for c in self.candidates])
-
     def is_tolerated(self, i: int) -> bool:
         """Whether a candidate is a little there on any machine."""
         at = self.places[i]
         return bool(np.any(self.tolerances[at] > _TOLERATED * self.sizes[at]))
-
-    def freedom(self, i: int) -> float:
-        """Degrees of freedom of the level that judges a candidate."""
-        return math.inf
-
-    def may_be_chosen(self, i: int) -> bool:
-        """Whether a candidate may be named."""
-        return True
-
-    @property
-    def holds_tolerances(self) -> bool:
-        """Whether tolerances say how wrong a file may be, however well more would predict."""
-        return True
 
     @cached_property
     def places(self) -> list[IntArray]:
@@ -198,12 +165,6 @@ class ArmRows:
     def columns(self) -> list[Array]:
         """(M, n, K) of every recording [N m by coefficient]."""
         return columns_of(self.balances, self.candidates)
-
-    def sharing(self, other: ArmRows) -> Self:
-        """These rows, with the columns of recordings that other rows of the candidates have."""
-        known = dict(zip(other.balances, other.columns, strict=True))
-        self.__dict__['columns'] = columns_of(self.balances, self.candidates, known)
-        return self
 
     @cached_property
     def scale(self) -> Array:
@@ -232,10 +193,13 @@ class ArmRows:
         return blocks_of(self.balances)
 
     @property
-    def by_moments(self) -> ArmRows:
-        """The same rows in blocks of a moment each."""
+    def in_clusters(self) -> ArmRows:
+        """The same rows in blocks that err each for itself."""
+        return self._cut(clusters_of(self.balances))
+
+    def _cut(self, blocks: list[IntArray]) -> ArmRows:
         out = self._alike(self.about)
-        out.__dict__['blocks'] = blocks = moments_of(self.balances)
+        out.__dict__['blocks'] = blocks
         pairs = [*zip(self.balances, blocks, strict=True)]
         out.__dict__['joints'] = [
             replace(rows, block=np.concatenate([own[self.rows_at(b, k)] for b, own in pairs]))
@@ -281,15 +245,17 @@ class ArmRows:
             stride = balance.arm.stride
             at = self.rows_at(balance, k)
             times = balance.row_times[at]
-            torque.append(self.torque(run)[at, j])
-            columns.append(full[at, j])
+            missed, moved = self.torque(run)[at, j], full[at, j]
             if k >= self.robot.n_joints or not self.is_driven[j]:
                 known = np.zeros(0) if self.about is None else self.about
                 about = np.pad(known, (0, full.shape[2] - len(known)))
-                left = self.torque(run)[at, j] - full[at, j] @ about
+                # torques by their gain are these times the gain where nothing is measured
+                moved[:, self._gain_at(j)] = (moved @ about)[:, None]
+                left = missed - moved @ about
                 grown = self._own_scale[j] / (1.0 + max(self._own_scale[j] @ about, -0.5))
-                columns[-1] = full[at, j] + np.outer(left, grown)
-                torque[-1] = torque[-1] + left * (grown @ about)
+                missed, moved = missed + left * (grown @ about), moved + np.outer(left, grown)
+            torque.append(missed)
+            columns.append(moved)
             needed = balance.motion.effort[::stride, j][at]
             direction = np.sign(balance.motion.qd[::stride, j][at])
             late, stuck = (x[at, j] for x in balance.arm.unsure)
@@ -304,6 +270,12 @@ class ArmRows:
             np.concatenate(gap),
         )
 
+    def _gain_at(self, j: int) -> IntArray:
+        """Column of the gain of a joint's torques, if it has one."""
+        key = GAIN, self.robot.joints[j]
+        own = (self.places[i] for i, c in enumerate(self.candidates) if c.key == key)
+        return np.concatenate([np.zeros(0, dtype=int), *own])
+
     def joint_times(self, k: int) -> Array:
         """(M,) times of the rows of set k, each of its recording [s]."""
         return np.concatenate([b.row_times[self.rows_at(b, k)] for b in self.balances])
@@ -316,34 +288,17 @@ class ArmRows:
         """
         return [self.joint(k) for k in range(2 * self.robot.n_joints)]
 
-    def torque_of(self, deviations: Array) -> Array:
-        """(n,) standard deviation of the torques of coefficients (K,) like these [N m].
-
-        Root mean square over the rows where a joint moves; NaN of one that never does.
-        """
-        own = self.joints[: self.robot.n_joints]
-        power = [np.sum((rows.columns * deviations) ** 2, axis=1) for rows in own]
-        return np.array([math.sqrt(np.mean(p)) if len(p) else math.nan for p in power])
-
-    def parts(self, levels: Sequence[Array], weights: Array | None = None) -> list[Gram]:
-        """Gram matrices of every block.
+    def parts(self, levels: Sequence[Array]) -> list[Gram]:
+        """Gram matrices of every block, whitened.
 
         Args:
             levels: (8,) variances of the leftover of every set of `joints`, or of the first n.
-            weights: (R, n) how many times as much the rows of each joint say in each recording,
-                divided by the rms of what is left there, which trusts all frequencies alike.
-                None: rows are whitened, which trusts what is fast.
         """
         k = len(self.tolerances)
         out = [Gram(np.zeros((k, k)), np.zeros(k), 0.0, 0) for _ in self.recording]
-        for j, (rows, variances) in enumerate(zip(self.joints, levels, strict=False)):
+        for rows, variances in zip(self.joints, levels, strict=False):
             if len(rows.torque):
-                if weights is None:
-                    torque, columns, _ = rows.whitened(variances)
-                else:
-                    scale = weights[self.recording[rows.block], j % weights.shape[1]]
-                    scale = scale / rows.rms(variances)
-                    torque, columns = rows.torque * scale, rows.columns * scale[:, None]
+                torque, columns, _ = rows.whitened(variances)
                 for block in np.unique(rows.block):
                     own = rows.block == block
                     out[block] += Gram.of(columns[own], torque[own])

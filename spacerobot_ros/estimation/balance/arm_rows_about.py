@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
+from ...types import Array
 from .arm_rows import ArmRows
 from .balance import Balance
 
@@ -27,24 +28,28 @@ def about_loads(rows: ArmRows, balances: Sequence[Balance], chosen: Iterable[int
     return rows.about_others(columns)
 
 
-def about_delay(
-    rows: ArmRows, i: int, by: float, undone: Sequence[Balance], whole: Sequence[Balance]
+def about_readings(
+    rows: ArmRows,
+    values: Mapping[int, Array],
+    undone: Sequence[Balance],
+    whole: Sequence[Balance],
 ) -> ArmRows:
-    """The same rows linearized about a delay of the efforts.
+    """The same rows linearized about what is wrong with readings: delays, zeros of encoders.
 
-    Columns of the model hold for small delays of its torques: one without friction lacks what
-    friction that is late leaves wherever a joint turns round.
+    Columns of the model hold for small ones: a model without friction lacks what friction that is
+    late leaves wherever a joint turns round.
 
     Args:
         rows: The rows.
-        i: Number of the delay's candidate.
-        by: The delay [s].
-        undone: Balances of the model with that delay undone.
+        values: (k,) coefficients of each, by the numbers of their candidates.
+        undone: Balances of the model with these undone.
         whole: The same of a model with all that was found.
     """
     columns, torques = [full.copy() for full in rows.columns], []
-    (at,) = rows.places[i]
     for balance, all_of_it, full in zip(undone, whole, columns, strict=True):
-        full[:, :, rows.places[i]] = all_of_it.columns(rows.candidates[i].small_steps)
-        torques.append(balance.torque + by * full[:, :, at])
+        torque = balance.torque.copy()
+        for i, own in values.items():
+            full[:, :, rows.places[i]] = all_of_it.columns(rows.candidates[i].small_steps)
+            torque += full[:, :, rows.places[i]] @ own
+        torques.append(torque)
     return rows.about_others(columns, torques)

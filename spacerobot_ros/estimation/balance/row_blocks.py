@@ -5,10 +5,12 @@ Blocks of a recording have as many rows in which anything moves: others say noth
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from ...inference.decisive import CLUSTERS
 from ...types import IntArray
 from .balance import Balance
 
@@ -23,15 +25,18 @@ def blocks_of(balances: Sequence[Balance]) -> list[IntArray]:
     return _cut(balances, [_BLOCKS if _length(b) >= enough else _FEW for b in balances])
 
 
-def moments_of(balances: Sequence[Balance]) -> list[IntArray]:
-    """The same for moments: four periods of the band, or longer ones.
+def clusters_of(balances: Sequence[Balance]) -> list[IntArray]:
+    """The same for what errs for itself: four periods of the band, or shorter where these are few.
 
-    What is missed of a start or a turn fills two or three: the variance between moments of a false
+    What is missed of a start or a turn fills two or three: the variance between blocks of a false
     change of a KUKA is 49, 209, 211 and 225 times that of rows at 0.5, 1, 2 and 4 s.
     """
-    least = sum(map(_length, balances)) / _MOST
-    counts = (_length(b) / max(_MOMENT / b.arm.band, least) for b in balances)
-    return _cut(balances, [max(1, round(count)) for count in counts])
+    whole = sum(map(_length, balances))
+    counts = [
+        max(_length(b) * b.arm.band / _MOMENT, _length(b) * CLUSTERS / whole) for b in balances
+    ]
+    most = max(sum(counts) / _MOST, 1.0)
+    return _cut(balances, [max(1, math.ceil(count / most)) for count in counts])
 
 
 def _cut(balances: Iterable[Balance], counts: Iterable[int]) -> list[IntArray]:

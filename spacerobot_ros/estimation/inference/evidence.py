@@ -14,87 +14,18 @@ times what a small one shows. Selected columns are removed by the Schur compleme
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import reduce
-from operator import add
 
 import numpy as np
 import scipy
 
+from ...inference.gram import Gram as Gram
+from ...inference.gram import sum_of as sum_of
 from ...types import Array, IntArray
 
 LEAST_PRECISION = 1e-12  # added, so that a column without any effect can be eliminated
 _ROUNDING = 1e-9  # of a size: less is a zero, whose digits are of the file's units
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Gram:
-    """Sums over some rows.
-
-    Args:
-        matrix: (K, K) W^T W. vector: (K,) W^T r. square: r^T r. rows: Number of rows.
-    """
-
-    matrix: Array
-    vector: Array
-    square: float
-    rows: int
-
-    @classmethod
-    def of(cls, columns: Array, data: Array) -> Gram:
-        """From (R, K) columns and (R,) data."""
-        return cls(columns.T @ columns, columns.T @ data, float(data @ data), len(data))
-
-    def __add__(self, other: Gram) -> Gram:
-        """Sums over the rows of both."""
-        return Gram(
-            self.matrix + other.matrix,
-            self.vector + other.vector,
-            self.square + other.square,
-            self.rows + other.rows,
-        )
-
-    def __sub__(self, other: Gram) -> Gram:
-        """Sums over rows without some of them."""
-        return Gram(
-            self.matrix - other.matrix,
-            self.vector - other.vector,
-            self.square - other.square,
-            self.rows - other.rows,
-        )
-
-    def times(self, factor: float) -> Gram:
-        """Sums of rows that count so many times."""
-        return Gram(factor * self.matrix, factor * self.vector, factor * self.square, self.rows)
-
-    def misfit(self, coefficients: Array) -> float:
-        """Squared rows that coefficients (K,) leave."""
-        return float(
-            self.square
-            - 2.0 * self.vector @ coefficients
-            + coefficients @ self.matrix @ coefficients
-        )
-
-    def part(self, chosen: IntArray) -> Gram:
-        """The same with only the chosen columns."""
-        matrix = self.matrix[chosen[:, None], chosen]
-        return Gram(matrix, self.vector[chosen], self.square, self.rows)
-
-    def without(self, nuisance: int, precision: Array) -> Gram:
-        """The rest, the first `nuisance` columns of given prior precision marginalized."""
-        if not nuisance:
-            return self
-        held = self.matrix[:nuisance, :nuisance] + np.diag(precision)
-        across = self.matrix[:nuisance, nuisance:]
-        solved = _solved(held, np.column_stack([across, self.vector[:nuisance]]))
-        return Gram(
-            self.matrix[nuisance:, nuisance:] - across.T @ solved[:, :-1],
-            self.vector[nuisance:] - across.T @ solved[:, -1],
-            self.square - float(self.vector[:nuisance] @ solved[:, -1]),
-            self.rows,
-        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,23 +87,6 @@ def chi_square_tail(value: float, dof: float) -> float:
     return float(scipy.special.chdtrc(dof, max(value, 0.0)))
 
 
-def fisher_tail(square: float, dof: float, freedom: float) -> float:
-    """Probability that a chi-square is above a value, by a variance of some freedom."""
-    if math.isinf(freedom):
-        return chi_square_tail(square, dof)
-    return float(scipy.special.fdtrc(dof, freedom, max(square, 0.0) / dof))
-
-
-def fisher_limit(chance: float, dof: float, freedom: float) -> float:
-    """The square whose `fisher_tail` is a chance; freedom finite."""
-    return dof * float(scipy.special.fdtri(dof, freedom, 1.0 - chance))
-
-
-def sum_of(parts: Sequence[Gram]) -> Gram:
-    """Sums over the rows of all parts."""
-    return reduce(add, parts)
-
-
 def cross_validated(found: Sequence[Fold], sizes: Array, bounds: tuple[Array, Array]) -> float:
     """Twice the gain in log likelihood on each part of the rows, estimated from all others."""
     return sum(score(fold.rest, sizes, bounds, fold.part).held_out for fold in found)
@@ -216,29 +130,6 @@ def _estimated(
     if np.any(estimate < bounds[0]) or np.any(estimate > bounds[1]):
         return values, *_bounded(vectors * np.sqrt(1.0 + values), vector, sizes, bounds)
     return values, estimate, float(np.sum(projected**2 / (1.0 + values)))
-
-
-def log_evidence(gram: Gram, sizes: Array, bounds: tuple[Array, Array]) -> float:
-    """`Score.evidence` alone; that of one coefficient, as most causes have, without matrices."""
-    if len(sizes) > 1:
-        values, _, gain = _estimated(gram, sizes, bounds)
-        return 0.5 * gain - price(values, gram.rows)
-    size = float(sizes[0])
-    value, vector = max(size**2 * float(gram.matrix[0, 0]), 0.0), size * float(gram.vector[0])
-    low = min(float(bounds[0][0]) / size, -1e-300)
-    high = max(float(bounds[1][0]) / size, 1e-300)
-    z = min(max(vector / (1.0 + value), low), high)
-    return 0.5 * (z * (2.0 * vector - (1.0 + value) * z) - math.log1p(min(value, gram.rows)))
-
-
-def _solved(matrix: Array, right: Array) -> Array:
-    """matrix^-1 right of a symmetric matrix; the least solution where it is singular."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    try:
-        factor = scipy.linalg.cho_factor(scale[:, None] * matrix * scale, check_finite=False)
-    except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0])
-    return np.asarray(scale[:, None] * scipy.linalg.cho_solve(factor, scale[:, None] * right))
 
 
 def inverse_of_positive(matrix: Array) -> Array:

@@ -172,9 +172,10 @@ class Nuisances:
             return self._act(('force', 'momentum'), all_of, values, nothing)
 
         rest, _ = added(np.zeros_like(aam))
-        by_aam = np.array([added(unit)[0] - rest for unit in np.eye(len(aam))])
-        by_aam = by_aam.reshape(len(aam), *nothing.shape)
-        return *added(aam), np.moveaxis(by_aam, 0, -1)
+        by_aam = np.zeros((*nothing.shape, len(aam)))
+        for k, unit in enumerate(np.eye(len(aam))):
+            by_aam[..., k] = added(unit)[0] - rest
+        return *added(aam), by_aam
 
     def _act(
         self,

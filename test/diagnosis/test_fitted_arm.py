@@ -5,14 +5,13 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from spacerobot_ros.diagnosis.arms.fitted_arm import FittedArm
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.motion import Motion
-from spacerobot_ros.estimation.balance.arm_fit import ArmFit, Posterior
 from spacerobot_ros.estimation.balance.arm_priors import DRY, friction_of
 from spacerobot_ros.estimation.balance.arm_rows import ArmRows
 from spacerobot_ros.estimation.balance.arm_rows_about import about_loads
 from spacerobot_ros.estimation.balance.balance import balance_of
-from spacerobot_ros.estimation.inference.evidence import Gram, sum_of
 from spacerobot_ros.estimation.trajectory.observations import observed
 from validation.hidden.real_arm import JOINTS, RealArm, arm_file
 
@@ -26,59 +25,7 @@ def fit_of(hidden, kinds, chosen):
     )
     numbers = [i for i, c in enumerate(rows.candidates) if c.key in chosen]
     white = [np.array([0.01, *[1e-12] * 5])] * len(JOINTS)
-    return ArmFit(rows, sum_of(rows.parts(white)), tuple(numbers))
-
-
-def test_without_tolerances_it_is_least_squares(rng):
-    """Wide priors of some columns, the others held at nothing: the normal equations."""
-    columns, data = rng.standard_normal((200, 6)), rng.standard_normal(200)
-    deviations = np.where(np.arange(6) < 4, 1e4, 1e-8)
-    found = Posterior.of(Gram.of(columns, data), deviations)
-    exact, *_ = np.linalg.lstsq(columns[:, :4], data)
-    # priors of 1e4 pull by 1e-8 / 200 of the values
-    np.testing.assert_allclose(found.mean[:4], exact, rtol=1e-8, atol=1e-10)
-    np.testing.assert_allclose(found.mean[4:], 0.0, rtol=0, atol=1e-10)
-    inverse = np.linalg.inv(columns[:, :4].T @ columns[:, :4])
-    np.testing.assert_allclose(found.covariance[:4, :4], inverse, rtol=1e-8, atol=1e-12)
-
-
-def test_a_group_alone_is_the_schur_complement(rng):
-    columns, data = rng.standard_normal((50, 4)), rng.standard_normal(50)
-    gram, deviations = Gram.of(columns, data), np.array([1.0, 2.0, 0.5, 3.0])
-    own = np.array([1, 3])
-    alone = Posterior.of(gram, deviations).group(own)
-    rest = np.array([0, 2])
-    held = gram.matrix[np.ix_(rest, rest)] + np.diag(deviations[rest] ** -2.0)
-    across = gram.matrix[np.ix_(rest, own)]
-    matrix = gram.matrix[np.ix_(own, own)] - across.T @ np.linalg.solve(held, across)
-    vector = gram.vector[own] - across.T @ np.linalg.solve(held, gram.vector[rest])
-    np.testing.assert_allclose(alone.matrix, matrix, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(alone.vector, vector, rtol=1e-9, atol=1e-9)
-
-
-def test_other_priors_are_as_if_they_had_been_there(rng):
-    """Woodbury's identity against the whole inverse, with what is not there and what is."""
-    gram, deviations = (
-        Gram.of(rng.standard_normal((50, 6)), rng.standard_normal(50)),
-        np.array([1.0, 2.0, 0.5, 3.0, 1.0, 0.1]),
-    )
-    own, others = np.array([1, 4]), deviations.copy()
-    others[own] = [1e-4, 5.0]
-    changed = Posterior.of(gram, deviations).under(own, others[own])
-    exact = Posterior.of(gram, others)
-    np.testing.assert_allclose(changed.covariance, exact.covariance, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(changed.mean, exact.mean, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(changed.precision, exact.precision, rtol=1e-12)
-
-
-def test_a_group_alone_does_not_know_its_own_prior(rng):
-    """What a selection rests on, which asks one posterior about every cause, chosen or not."""
-    gram, deviations = Gram.of(rng.standard_normal((50, 5)), rng.standard_normal(50)), np.ones(5)
-    own = np.array([0, 3])
-    alone = Posterior.of(gram, deviations).group(own)
-    tight = Posterior.of(gram, np.where(np.isin(range(5), own), 1e-3, 1.0)).group(own)
-    np.testing.assert_allclose(tight.matrix, alone.matrix, rtol=1e-6)
-    np.testing.assert_allclose(tight.vector, alone.vector, rtol=1e-6)
+    return FittedArm.of(rows, white, numbers)
 
 
 def test_columns_do_not_hold_all_samples_of_all_causes():
@@ -152,7 +99,8 @@ def test_friction_keeps_its_sign():
     )
     fit = fit_of([easier], ('joint_viscous_friction',), {('joint_viscous_friction', 'joint_3')})
     (own,) = fit.rows.places[fit.chosen[0]]
-    assert fit.posterior.mean[own] == pytest.approx(-3.0, abs=0.1)
+    gram = fit.blocks.whole
+    assert gram.vector[own] / gram.matrix[own, own] == pytest.approx(-3.0, abs=0.1)
     assert fit.values[own] == pytest.approx(0.0, abs=1e-2)
 
 

@@ -1,55 +1,17 @@
-"""What is applied of an arm's causes; which way an arm of unknown noise is judged."""
+"""Which way an arm of unknown noise is judged."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from spacerobot_ros.diagnosis import diagnose
 from spacerobot_ros.diagnosis.answer.result import Diagnosis
-from spacerobot_ros.diagnosis.arms import applicable
 from spacerobot_ros.diagnosis.search import predictable
-from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 from validation.hidden.real_arm import JOINTS, RealArm, arm_file
-
-
-@pytest.mark.parametrize('guilty', [0, 1, 2])
-def test_the_cause_goes_that_spoils_a_joint_and_not_the_weakest(monkeypatch, guilty):
-    """Of three causes at `a`, with 5, 3 and 9 nats; one at `b` could do no harm there."""
-
-    def applied(found, chosen, plain):
-        spoilt = 1.5 if guilty in chosen else 0.2
-        yield SimpleNamespace(ratios=np.array([[spoilt, 1.01]]), weights=np.ones((1, 2)))
-
-    monkeypatch.setattr(applicable, '_applied', applied)
-    rows = SimpleNamespace(
-        candidates=[SimpleNamespace(where=where) for where in 'aaab'],
-        robot=SimpleNamespace(joints=('a', 'b')),
-    )
-    selection = SimpleNamespace(
-        chosen=[0, 1, 2, 3], rows=rows, gain=[5.0, 3.0, 9.0, 1.0].__getitem__
-    )
-    ratios = np.array([[1.5, 1.01]])
-    found = SimpleNamespace(selection=selection, ratios=ratios, weights=np.ones((1, 2)))
-    assert applicable.culprit(found, None) == guilty
-
-
-@pytest.mark.parametrize(
-    ('clear', 'shared'), [((), [0, 2]), ((2,), []), ((1, 3), [0, 2]), ((0, 1, 2, 3), [])]
-)
-def test_laws_that_share_one_dry_friction_are_told_where_none_is_clear(clear, shared):
-    """Two of joint `a`; at `b` one, and one that is of the rate alone."""
-    laws = ('coulomb', 'coulomb', 'stribeck', 'viscous')
-    candidates = [
-        SimpleNamespace(kind=CATALOGUE[f'joint_{law}_friction'], where=where)
-        for law, where in zip(laws, 'abab', strict=True)
-    ]
-    fit = SimpleNamespace(chosen=(0, 1, 2, 3), rows=SimpleNamespace(candidates=candidates))
-    assert applicable.shared_frictions(fit, clear) == shared
 
 
 def test_a_part_is_tried_in_which_the_joints_go_furthest():

@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...dynamics.pseudo_inertia import INVERSE, pseudo_inertia
+from ...dynamics.pseudo_inertia import pseudo_inertia
+from ...dynamics.random_body import body_scales, deformed
 from ...errors import IdentificationError
 from ...estimation.unknowns.body_coordinates import PARTS
 from ...estimation.unknowns.minimal import minimal_set
@@ -22,12 +23,10 @@ from ...identification.estimate import Estimate
 from ...model.robot import Robot
 from ...model.uncertainty import BodyUncertainty
 from ...types import Array
-from .physical_consistency import body_scales
 from .regressors import parameter_names, parameter_values, wheel_links
 
 _SAMPLING_ERROR = 1e-4  # acceleration whose torque is taken as error of discretization
 _NEAR_ZERO = 1e-3  # of mass, mass x size, mass x size squared: an element's smallest scale
-_TINY = 1e-3  # smallest relative eigenvalue of a pseudo-inertia that sets a scale
 
 
 def prior_covariance(robot: Robot, shape: str, wheel_std: float) -> Array:
@@ -55,19 +54,12 @@ def prior_covariance(robot: Robot, shape: str, wheel_std: float) -> Array:
         if scale[3] > 0.0:
             block = slice(10 * k, 10 * k + 10)
             own = robot.uncertainty_of(k)
-            covariance = _body_covariance if shape == 'bodies' else _by_element
-            G[block, block] = covariance(row, scale, own)
+            is_whole = shape == 'bodies'
+            G[block, block] = deformed(row, own) if is_whole else _by_element(row, scale, own)
     known = len(wheel_links(robot)) - len(robot.target_wheels)
     wheels = np.arange(10 * bodies + 3 * known, len(values))
     G[wheels, wheels] = wheel_std**2
     return G
-
-
-def deformation_widths(own: BodyUncertainty) -> Array:
-    """(4, 4) twice the standard deviations of a body's E: a mass grows by twice an entry of it."""
-    out = np.full((4, 4), own.com)
-    out[:3, :3], out[3, 3] = own.inertia, own.mass
-    return out
 
 
 def _by_element(row: Array, scale: Array, own: BodyUncertainty) -> Array:
@@ -76,21 +68,6 @@ def _by_element(row: Array, scale: Array, own: BodyUncertainty) -> Array:
     mass, length = scale[3] ** -2, scale[3] / scale[0]
     size = mass * length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
     return np.diag((std * np.maximum(np.abs(row), _NEAR_ZERO * size)) ** 2)
-
-
-def _body_covariance(row: Array, scale: Array, own: BodyUncertainty) -> Array:
-    """(10, 10) covariance of one body; an indefinite one counts by its absolute eigenvalues."""
-    values, vectors = np.linalg.eigh(pseudo_inertia(row) * np.outer(scale, scale))
-    values = np.maximum(np.abs(values), _TINY * np.max(np.abs(values)))
-    P = (vectors * values) @ vectors.T / np.outer(scale, scale)
-    # entries i, j of E in units of the body's size, so that a shift weighs like a stretch: E P
-    units = np.outer(1.0 / scale, scale)
-    grown = np.einsum('ij,ia,jb->ijab', units, np.eye(4), P)
-    columns = INVERSE @ (grown + np.swapaxes(grown, 2, 3)).reshape(16, 16).T
-    widths = deformation_widths(own).ravel()
-    largest = np.max(widths)
-    columns *= widths / largest
-    return np.asarray((0.5 * largest) ** 2 * columns @ columns.T)
 
 
 def rate_noise(robot: Robot) -> Array:

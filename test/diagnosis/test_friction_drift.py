@@ -1,12 +1,12 @@
-"""What was chosen before: laws that gave way to one that does not hold, and levels beside them."""
+"""Friction that several laws share, in the level of what is left."""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from spacerobot_ros.diagnosis.arms.arms import levels_of
-from spacerobot_ros.diagnosis.arms.selection import Selection
 from spacerobot_ros.effects.catalogue import CATALOGUE
-from spacerobot_ros.estimation.balance.arm_levels import leftover_levels
 from spacerobot_ros.estimation.balance.arm_rows import ArmRows
 from spacerobot_ros.estimation.balance.balance import balance_of
 from validation.hidden.real_arm import COULOMB, RealArm, arm_file
@@ -21,11 +21,6 @@ def rows():
     return ArmRows.of([balance], [CATALOGUE[kind] for kind in KINDS])
 
 
-@pytest.fixture
-def selection(rows):
-    return Selection.of(rows, leftover_levels(rows, rows.sizes, rows.friction))
-
-
 @pytest.fixture(scope='module')
 def laws(rows):
     """Numbers of both laws at the first joint."""
@@ -33,24 +28,7 @@ def laws(rows):
     return [keys.index((kind, 'joint_1')) for kind in KINDS]
 
 
-def test_what_gave_way_to_a_law_that_is_gone_is_asked_again(selection, laws):
-    plain, finer = laws
-    selection.chosen = [finer]
-    selection.drop(finer)
-    assert selection.ask_again([finer])
-    assert plain in selection.chosen
-    assert finer not in selection.chosen
-
-
-def test_nothing_that_holds_gives_way_to_what_is_asked_again(selection, laws, monkeypatch):
-    plain, finer = laws
-    selection.chosen = [plain]
-    monkeypatch.setattr(Selection, 'run', lambda self: setattr(self, 'chosen', [finer]))
-    assert not selection.ask_again([])
-    assert selection.chosen == [plain]
-
-
-def test_laws_that_share_a_friction_drift_as_their_sum(selection, laws, rows, monkeypatch):
+def test_laws_that_share_a_friction_drift_as_their_sum(laws, rows, monkeypatch):
     """Not as one of their sizes, of which one may be less than nothing."""
     used = []
     monkeypatch.setattr(
@@ -60,10 +38,5 @@ def test_laws_that_share_a_friction_drift_as_their_sum(selection, laws, rows, mo
     shared = np.zeros(len(rows.sizes))
     for i, share in zip(laws, (3.0, -2.0), strict=True):
         shared[rows.places[i][0]] = share * COULOMB[0]
-    monkeypatch.setattr(
-        'spacerobot_ros.diagnosis.arms.arms.ArmFit',
-        lambda *_: type('Fit', (), {'posterior': type('Posterior', (), {'mean': shared})}),
-    )
-    selection.chosen = laws
-    levels_of(rows, selection)
+    levels_of(rows, SimpleNamespace(chosen=laws, mean=shared))
     assert used[0][0] == pytest.approx(COULOMB[0])

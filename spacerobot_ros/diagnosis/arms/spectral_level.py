@@ -1,0 +1,116 @@
+"""Whether causes hold where nothing is presumed of the spectrum of what is left.
+
+`leftover.py` has a family of spectra. A line in the band of the motion, or torques that lack at a
+few frequencies, are none of it: a body that went with them was worth 400 nats, and is worth 50 at
+the level that is left beside it in bins of frequency, 9 where what is left without it has a level
+of its own. A cause has to be worth its prior odds so, too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...estimation.balance.arm_candidates import ZEROS
+from ...estimation.balance.arm_rows import ArmRows
+from ...estimation.inference.spectral_terms import Level, SpectralTerms, cosines
+from ...inference.gram_blocks import NEVER_HELD_OUT, GramBlocks
+from ...inference.hypotheses import Hypotheses
+from ...inference.hypothesis import Hypothesis
+from ...inference.model_search import ChosenSet
+from ...types import Array
+from ..limits import LINE
+from .fitted_arm import FittedArm
+
+_UNSEEN = 1e-2  # of the noise, all rows together: what no evidence shows
+
+
+class SpectralRows:
+    """Rows as cosines, whose level is what a set of causes leaves in bins of frequency.
+
+    Args:
+        rows: The recordings.
+        levels: (8,) variances by which rows are whitened first, see `ArmRows.joints`.
+        every: The hypotheses.
+    """
+
+    def __init__(
+        self, rows: ArmRows, levels: Sequence[Array], every: Sequence[Hypothesis]
+    ) -> None:
+        self._rows = rows
+        self._every = [  # lower odds are those of what a level that is presumed leaves
+            replace(h, log_odds=max(h.log_odds, 0.0)) if h.log_odds > -math.inf else h
+            for h in every
+        ]
+        data, columns = [], []
+        for joint, variances in zip(rows.joints, levels, strict=True):
+            if len(joint.torque):
+                torque, whitened, _ = joint.whitened(variances)
+                data.append(cosines(torque))
+                columns.append(cosines(whitened))
+        self._data, self._columns = np.concatenate(data), np.concatenate(columns)
+        self._ends = tuple(np.cumsum([len(x) for x in data])[:-1].tolist())
+        self._sizes = np.linalg.norm(self._columns, axis=0)
+
+    def unsupported(self, fit: FittedArm) -> set[int]:
+        """Causes that are not worth their prior odds, weakest first.
+
+        An offset is one term: the bin around it says nothing of it, and it is not asked.
+
+        Args:
+            fit: The causes at the level that the rows are whitened by.
+        """
+        family, found = fit.hypotheses, ChosenSet.of(fit.hypotheses, fit.chosen)
+        known = {i: found.objective - _without(family, found, i).objective for i in found.chosen}
+        chosen, gone = set(found.chosen), set[int]()
+        while asked := {i: known[i] for i in chosen if self._is_asked(i)}:
+            margins = self._margins(chosen, asked)
+            weakest = min(margins, key=margins.__getitem__)
+            if margins[weakest] > 0.0:
+                break
+            chosen.discard(weakest)
+            gone.add(weakest)
+        return gone
+
+    def _is_asked(self, i: int) -> bool:
+        return self._rows.candidates[i].kind.id not in ZEROS
+
+    def _margins(self, chosen: Collection[int], known: Mapping[int, float]) -> dict[int, float]:
+        """By which causes are worth more than their prior odds, beside all others [nats].
+
+        At the level that is left beside all; where that is another one than the rows are whitened
+        by, what is left without one has its own, too.
+
+        Args:
+            chosen: The causes.
+            known: The same at the level that the rows are whitened by, of those that are asked.
+        """
+        whole = self._level(chosen, np.ones(len(self._data)))
+        blocks = GramBlocks(self._columns.shape[1])
+        blocks.add(self._columns / whole.scale[:, None], self._data / whole.scale)
+        blocks.add_sums(self._rows.held, NEVER_HELD_OUT)
+        hypotheses = Hypotheses(blocks, self._every)
+        beside, out = ChosenSet.of(hypotheses, chosen), {}
+        for i in known:
+            rest = _without(hypotheses, beside, i)
+            odds = hypotheses.prior(beside.chosen - rest.chosen)
+            out[i] = beside.objective - rest.objective
+            if out[i] - odds <= LINE * (known[i] - odds):
+                without = self._level(rest.chosen, whole.scale)
+                out[i] = min(out[i], whole.likelihood - without.likelihood + odds)
+        return out
+
+    def _level(self, chosen: Collection[int], scale: Array) -> Level:
+        deviations = self._rows.deviations(chosen)
+        seen = self._sizes * deviations > _UNSEEN
+        prior = self._columns[:, seen] * deviations[seen]
+        terms = SpectralTerms(self._data, prior, np.zeros(prior.shape[1], dtype=bool), self._ends)
+        return terms.level(np.zeros((len(prior), 0)), scale)
+
+
+def _without(hypotheses: Hypotheses, found: ChosenSet, i: int) -> ChosenSet:
+    """A set without a cause and what needs it."""
+    return ChosenSet.of(hypotheses, found.chosen - hypotheses.dependents(found.chosen, [i]))
