@@ -13,7 +13,7 @@ from spacerobot_ros.cli.main import main
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.excitation.motions import Motions
-from spacerobot_ros.excitation.separation import EQUIVALENT, Contrast, Place, trial
+from spacerobot_ros.excitation.separation import CONFOUNDED, Contrast, Place, trial
 
 CONFIG = Path(__file__).parents[2] / 'config'
 VISCOUS = 'joint_viscous_friction@joint_2'
@@ -66,7 +66,7 @@ def test_an_effect_is_not_told_from_itself(robot):
 def test_smallest_told_is_where_the_gap_in_evidence_is_reached():
     contrast = Contrast(visible=50.0, apart=20.0)
     assert contrast.sine == 0.4
-    assert 0.5 * (contrast.smallest * contrast.apart) ** 2 == pytest.approx(EQUIVALENT, rel=1e-12)
+    assert 0.5 * (contrast.smallest * contrast.apart) ** 2 == pytest.approx(CONFOUNDED, rel=1e-12)
     assert Contrast(visible=0.0, apart=0.0).smallest == np.inf
 
 

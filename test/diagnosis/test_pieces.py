@@ -14,7 +14,7 @@ from support.diagnosis import hand_made
 
 from spacerobot_ros.diagnosis import pieces as long_records
 from spacerobot_ros.diagnosis.diagnose import diagnose
-from spacerobot_ros.diagnosis.limits import FALSE_ALARMS
+from spacerobot_ros.diagnosis.events.event_limits import FALSE_ALARMS
 from spacerobot_ros.diagnosis.pieces import MOST_MEMORY, diagnose_pieces, pieces_of
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.robot_file import load_robot_file
@@ -153,7 +153,7 @@ def test_an_arm_in_pieces_says_what_the_whole_says(tmp_path, monkeypatch):
     whole = diagnose(record, file.robot, file.effects, kinds)
     monkeypatch.setattr(long_records, 'MOST_MEMORY', 1e6)
     monkeypatch.setattr(long_records, 'PIECE_MEMORY', 8e6)
-    monkeypatch.setattr(long_records, 'BUDGETED', 8.0)
+    monkeypatch.setattr(long_records, '_LEAST', 8.0)
     found = diagnose(record, file.robot, file.effects, kinds)
     assert 'diagnosed in 3 pieces of 8 s each' in found.notes
     assert found.verdict == whole.verdict == 'explained'

@@ -14,9 +14,8 @@ from ...estimation.balance.arm_candidates import GAIN
 from ...estimation.balance.arm_levels import leftover_levels
 from ...estimation.balance.arm_priors import DRY, is_kind_of
 from ...estimation.balance.arm_rows import ArmRows
-from ...estimation.balance.arm_rows_about import about_loads, about_readings
+from ...estimation.balance.arm_rows_about import about_loads, about_readings, is_of_readings
 from ...estimation.balance.motor_constants import first_constants, scaled_constant
-from ...estimation.columns import Candidate
 from ...inference.gram_blocks import GramBlocks
 from ...inference.hypotheses import Hypotheses
 from ...inference.inferred import Inferred, infer
@@ -168,7 +167,7 @@ def _about(
 ) -> ArmRows:
     """Rows about a model that has what was found, where columns hold for small causes."""
     effects = rough.effects([*rough.chosen, *rough.calibration])
-    read = [i for i in rough.chosen if _is_of_readings(rows.candidates[i])]
+    read = [i for i in rough.chosen if is_of_readings(rows.candidates[i])]
     if not read and not any(e.follows_load for e in effects):
         return rows
     try:
@@ -184,13 +183,6 @@ def _about(
     except ConfigurationError:  # together they are no robot
         pass
     return rows
-
-
-def _is_of_readings(candidate: Candidate) -> bool:
-    """Whether a cause changes at which angles or times torques were, in all recordings."""
-    kind = candidate.kind
-    is_late = kind.acts('delay') or kind.acts('joint_delays')
-    return candidate.recordings is None and (is_late or kind.id == 'encoder_offset')
 
 
 def levels_of(rows: ArmRows, chosen: FittedArm, more: Sequence[int] = ()) -> list[Array]:

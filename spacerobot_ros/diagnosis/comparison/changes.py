@@ -10,6 +10,7 @@ from typing import cast
 
 import numpy as np
 
+from ...effects.effect import Effect
 from ...effects.prior import RUN_TO_RUN
 from ...estimation.balance.arm_rows import ArmRows
 from ...inference.decisive import CLUSTERS, NAMED
@@ -40,9 +41,11 @@ class Changes:
     @classmethod
     def of(cls, groups: TwoGroups) -> Changes:
         """Found at the level that a first choice leaves."""
-        rough = Hypotheses(groups.blocks, change_hypotheses(groups))
-        first = best_set(rough)
-        groups = groups.left_by(rough.mean(first.marginal, first.chosen))
+        mean, effects = _rough(groups)
+        if any(e.acts('force') or e.acts('change') for e in effects):
+            groups = groups.about([e for e in effects if e.acts('force') or e.acts('change')])
+            mean, _ = _rough(groups)
+        groups = groups.left_by(mean)
         every = change_hypotheses(groups)
         return cls(groups, Hypotheses(groups.blocks, every), infer(groups.blocks, every))
 
@@ -163,6 +166,16 @@ class Changes:
         quiet = rows.about_others(rows.columns, torques)
         groups = replace(groups, rows=quiet, levels=(levels[0], levels[1]))
         return Hypotheses(groups.blocks, change_hypotheses(groups))
+
+
+def _rough(groups: TwoGroups) -> tuple[Array, list[Effect]]:
+    """(P,) coefficients with a first choice of changes, and these."""
+    rough = Hypotheses(groups.blocks, change_hypotheses(groups))
+    first = best_set(rough)
+    mean = rough.mean(first.marginal, first.chosen)
+    chosen = (rough.every[i] for i in sorted(first.chosen))
+    pairs = ((groups.rows.candidates[cast(int, h.key)], h) for h in chosen)
+    return mean, [c.applied(c.values(mean[h.columns])) for c, h in pairs]
 
 
 def _rms(values: Array) -> float:

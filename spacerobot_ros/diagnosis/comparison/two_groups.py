@@ -14,10 +14,13 @@ from functools import cached_property
 
 import numpy as np
 
+from ...effects.effect import Effect
+from ...errors import ConfigurationError
 from ...estimation.balance.arm_candidates import ZEROS
 from ...estimation.balance.arm_levels import leftover_levels
 from ...estimation.balance.arm_priors import DRY, FRICTION, OF_LOAD
 from ...estimation.balance.arm_rows import ArmRows
+from ...estimation.balance.arm_rows_about import about_model
 from ...inference.gram import sum_of
 from ...inference.gram_blocks import NEVER_HELD_OUT, GramBlocks
 from ...inference.marginal import Marginal
@@ -85,6 +88,20 @@ class TwoGroups:
         places = self.places(run)
         own = np.bincount(places[places >= 0], coefficients[places >= 0], self.size)
         return np.asarray(self.rows.columns[run] @ own)
+
+    def about(self, changes: Sequence[Effect]) -> TwoGroups:
+        """With what goes with the model's torques, as delays do, about the changes afterwards.
+
+        Torques that are late before are late with a load, too, and that is no change.
+        """
+        if self.is_repeated or not changes:
+            return self
+        runs = range(self.count, len(self.rows.balances))
+        try:
+            whole = {run: self.rows.balances[run].beside(changes) for run in runs}
+        except ConfigurationError:  # together they are no robot
+            return self
+        return replace(self, rows=about_model(self.rows, whole))
 
     def left_by(self, mean: Array) -> TwoGroups:
         """With the levels of what coefficients (P,) leave: more columns explain some of any."""

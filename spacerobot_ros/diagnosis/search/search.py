@@ -127,7 +127,7 @@ class RelinearizedSearch:
         first = self._first(wanted)
         tried = self._fitted(first, wanted.mean, wanted.timing)
         new = [h for h in first if variant_of(h).key not in held]
-        if new and tried.gap < (1.0 - CURVED) * self._promised(first, wanted.timing):
+        if new:
             other = self._wanted(new[0])
             instead = self._first(other)
             if self._promised(instead, other.timing) > max(tried.gap, RISE):

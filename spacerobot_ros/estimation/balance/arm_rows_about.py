@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+import numpy as np
+
 from ...types import Array
+from ..columns import Candidate
 from .arm_rows import ArmRows
 from .balance import Balance
 
@@ -53,3 +56,32 @@ def about_readings(
             torque += full[:, :, rows.places[i]] @ own
         torques.append(torque)
     return rows.about_others(columns, torques)
+
+
+def about_model(rows: ArmRows, whole: Mapping[int, Balance]) -> ArmRows:
+    """The same rows with what goes with the model's torques by other models.
+
+    Gains stay: what the scale of all torques is uncertain by is said of a change, and not found.
+
+    Args:
+        rows: The rows.
+        whole: Balances of these models, by the numbers of their recordings.
+    """
+    some = [i for i, c in enumerate(rows.candidates) if _goes_with_torques(c)]
+    columns = list(rows.columns)
+    for run, balance in whole.items():
+        steps = [step for i in some for step in rows.candidates[i].small_steps]
+        columns[run] = columns[run].copy()
+        columns[run][:, :, np.concatenate([rows.places[i] for i in some])] = balance.columns(steps)
+    return rows.about_others(columns)
+
+
+def is_of_readings(candidate: Candidate) -> bool:
+    """Whether a cause changes at which angles or times torques were, in all recordings."""
+    kind = candidate.kind
+    is_late = kind.acts('delay') or kind.acts('joint_delays')
+    return candidate.recordings is None and (is_late or kind.id == 'encoder_offset')
+
+
+def _goes_with_torques(candidate: Candidate) -> bool:
+    return is_of_readings(candidate) or candidate.kind.follows_load

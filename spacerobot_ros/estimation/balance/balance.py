@@ -68,6 +68,14 @@ class Balance:
         needed = np.where(off, 0.0, self._required(given))
         self.motion = process.motion(arm.kinematics, needed, unpowered=off)
 
+    def beside(self, effects: Sequence[Effect]) -> Balance:
+        """The same of a model with more effects."""
+        process = TorqueDriven(self.robot, (*self.effects, *effects)).under(self.arm.record)
+        estimated = [
+            j for j, known in zip(self.robot.joints, self.is_torque, strict=True) if not known
+        ]
+        return Balance(self.arm, process, self._compensation, estimated)
+
     @property
     def effects(self) -> tuple[Effect, ...]:
         """What the model believes to act as a force."""
