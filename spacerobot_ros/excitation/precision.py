@@ -19,6 +19,7 @@ import numpy as np
 from ..control.joint_reference import check_reference
 from ..dynamics.state import initial_state
 from ..estimation.filters.momentum_process import MomentumModel
+from ..estimation.inference.square_root import marginal
 from ..estimation.trajectory.base_response import (
     BaseMotion,
     BaseResponse,
@@ -31,7 +32,6 @@ from ..estimation.unknowns.torque_hold import find_holds
 from ..identification.cramer_rao import information_root
 from ..identification.momentum_posterior import posterior_of, prior_of
 from ..identification.summary import estimated_values
-from ..inference.square_root import marginal
 from ..json_values import json_as
 from ..model.robot import Robot
 from ..types import Array

@@ -19,9 +19,9 @@ from scipy.spatial.transform import Slerp
 from ..dynamics.rotation import skew
 from ..errors import ConfigurationError, IdentificationError
 from ..estimation.filters.momentum_process import MomentumModel
+from ..estimation.inference.square_root import SquareRootInformation, marginal
 from ..estimation.trajectory.reference import Kinematics, NoiseLevels
 from ..estimation.unknowns.minimal import MinimalSet, minimal_regressor, minimal_set
-from ..inference.square_root import SquareRootInformation, marginal
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..recording.record import Record

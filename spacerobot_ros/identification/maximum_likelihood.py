@@ -10,10 +10,10 @@ import numpy as np
 from ..errors import IdentificationError
 from ..estimation.filters.momentum_filter import MomentumFilter, Stretch
 from ..estimation.filters.momentum_process import MomentumModel
+from ..estimation.inference.square_root import marginal
 from ..estimation.trajectory.reference import NoiseLevels, ReferenceTrajectory
 from ..estimation.trajectory.time_base import channel_stamps, filter_times, refuse_long_gaps
 from ..estimation.unknowns.torque_hold import Holds
-from ..inference.square_root import marginal
 from ..model.settings import IdentifierSettings
 from ..recording.record import Record
 from ..types import Array

@@ -8,10 +8,10 @@ import numpy as np
 import scipy
 
 from ..estimation.filters.momentum_process import MomentumModel
+from ..estimation.inference.square_root import ordered
 from ..estimation.unknowns.torque_hold import Holds
 from ..inference.curved_posterior import curved_posterior
 from ..inference.scaled_prior import scaled_posterior
-from ..inference.square_root import ordered
 from ..types import Array, Vector3
 
 

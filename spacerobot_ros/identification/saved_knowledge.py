@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..estimation.filters.momentum_process import MomentumModel
-from ..inference.square_root import marginal
+from ..estimation.inference.square_root import marginal
 from ..types import Array
 from .checked_file import digest, read_checked, run_down, write_checked
 from .estimate import Estimate

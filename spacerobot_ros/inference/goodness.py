@@ -30,16 +30,6 @@ class Goodness:
         return float(chdtrc(np.sum(self.freedom), np.sum(self.squares)))
 
     @property
-    def p_values(self) -> Array:
-        """(B,) of each block."""
-        return np.asarray(chdtrc(self.freedom, self.squares))
-
-    @property
-    def overdispersion(self) -> float:
-        """Variance of what is left by that of the noise as it is thought."""
-        return float(np.sum(self.squares) / np.sum(self.freedom))
-
-    @property
     def is_good(self) -> bool:
         """Whether a right model could leave as much."""
         return self.p_value >= MISFIT

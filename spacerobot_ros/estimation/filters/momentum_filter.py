@@ -18,9 +18,9 @@ import numpy as np
 import scipy
 
 from ...dynamics.rotation import skew
-from ...inference.square_root import SquareRootInformation
 from ...recording.record import Record
 from ...types import Array, IntArray
+from ..inference.square_root import SquareRootInformation
 from ..trajectory.reference import NoiseLevels, ReferenceTrajectory
 from ..trajectory.sampled_motion import SampledMotion
 from ..trajectory.time_base import CHANNELS, channel_stamps, measured_rows

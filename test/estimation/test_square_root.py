@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spacerobot_ros.inference.square_root import SquareRootInformation, marginal, ordered
+from spacerobot_ros.estimation.inference.square_root import (
+    SquareRootInformation,
+    marginal,
+    ordered,
+)
 
 
 def test_information_equals_least_squares(rng):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from ..types import Array, IntArray
+from ...types import Array, IntArray
 
 _ROUNDING = 1e-13  # of the largest singular value: less is a direction without information
 _AT_ONCE = 500  # rows; as many as stay in a processor's cache
