@@ -10,7 +10,7 @@ from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.motion import Motion
 from spacerobot_ros.estimation.balance.arm_priors import DRY, friction_of
 from spacerobot_ros.estimation.balance.arm_rows import ArmRows
-from spacerobot_ros.estimation.balance.arm_rows_about import about_loads
+from spacerobot_ros.estimation.balance.arm_rows_about import about_model
 from spacerobot_ros.estimation.balance.balance import balance_of
 from spacerobot_ros.estimation.trajectory.observations import observed
 from validation.hidden.real_arm import JOINTS, RealArm, arm_file
@@ -86,7 +86,7 @@ def test_friction_of_the_load_is_of_a_motor_s_whole_torque():
     (at,) = rows.places[numbers]
     off = [
         np.std(0.1 * found.columns[0][moving, 2, at] - applied) / np.std(applied)
-        for found in (rows, about_loads(rows, [whole], [numbers]))
+        for found in (rows, about_model(rows, {0: whole}, [numbers]))
     ]
     assert off[0] > 0.2
     assert off[1] < 0.02  # links and motion are the file's; rates are smoothed

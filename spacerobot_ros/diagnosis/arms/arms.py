@@ -14,7 +14,7 @@ from ...estimation.balance.arm_candidates import GAIN
 from ...estimation.balance.arm_levels import leftover_levels
 from ...estimation.balance.arm_priors import DRY, is_kind_of
 from ...estimation.balance.arm_rows import ArmRows
-from ...estimation.balance.arm_rows_about import about_loads, about_readings, is_of_readings
+from ...estimation.balance.arm_rows_about import about_model, about_readings, is_of_readings
 from ...estimation.balance.motor_constants import first_constants, scaled_constant
 from ...inference.gram_blocks import GramBlocks
 from ...inference.hypotheses import Hypotheses
@@ -32,7 +32,7 @@ from .fitted_arm import FittedArm
 from .spectral_level import SpectralRows
 
 _ROUNDS = 4
-_AT_BOUND = 0.999  # of it
+_AT_BOUND = 0.999  # of a gain's bound, beyond which it is there
 _SETTLED = 1e-3  # of a motor constant, from round to round
 
 
@@ -173,7 +173,8 @@ def _about(
     try:
         moving = [e for e in effects if e.acts('force') or e.acts('change')]
         whole = balances_of(records, rows.robot, (*believed, *moving), left_out)
-        rows = about_loads(rows, whole, rough.chosen)
+        of_load = (i for i in rough.chosen if rows.candidates[i].kind.follows_load)
+        rows = about_model(rows, dict(enumerate(whole)), of_load)
         if read:
             known = rough.effects(read)
             whole = balances_of(records, rows.robot, (*believed, *moving, *known), left_out)

@@ -21,7 +21,7 @@ from ..answer.result import Ratio
 from .arm_found import ArmFound
 
 _STEP = 1e-4  # rad, of the weight's slope
-_ROUNDING = 1e-9
+_ROUNDING = 1e-9  # of a coupling of two joints' inertias
 _NUDGE = 1e-6  # of a coefficient's plausible size, of differences by it
 _UNITS = {
     'weight_by_inertia': '1/s^2',

@@ -42,9 +42,9 @@ class Changes:
     def of(cls, groups: TwoGroups) -> Changes:
         """Found at the level that a first choice leaves."""
         mean, effects = _rough(groups)
-        if any(e.acts('force') or e.acts('change') for e in effects):
-            groups = groups.about([e for e in effects if e.acts('force') or e.acts('change')])
-            mean, _ = _rough(groups)
+        about = groups.about(effects)
+        if about is not groups:
+            groups, (mean, _) = about, _rough(about)
         groups = groups.left_by(mean)
         every = change_hypotheses(groups)
         return cls(groups, Hypotheses(groups.blocks, every), infer(groups.blocks, every))

@@ -20,7 +20,7 @@ from ...estimation.balance.arm_candidates import ZEROS
 from ...estimation.balance.arm_levels import leftover_levels
 from ...estimation.balance.arm_priors import DRY, FRICTION, OF_LOAD
 from ...estimation.balance.arm_rows import ArmRows
-from ...estimation.balance.arm_rows_about import about_model
+from ...estimation.balance.arm_rows_about import about_model, is_of_readings
 from ...inference.gram import sum_of
 from ...inference.gram_blocks import NEVER_HELD_OUT, GramBlocks
 from ...inference.marginal import Marginal
@@ -92,16 +92,20 @@ class TwoGroups:
     def about(self, changes: Sequence[Effect]) -> TwoGroups:
         """With what goes with the model's torques, as delays do, about the changes afterwards.
 
-        Torques that are late before are late with a load, too, and that is no change.
+        Torques that are late before are late with a load, too, and that is no change. Columns of
+        gains stay: what the scale of all torques is uncertain by is said of a change, not found.
         """
+        changes = [e for e in changes if e.acts('force') or e.acts('change')]
         if self.is_repeated or not changes:
             return self
+        every = enumerate(self.rows.candidates)
+        which = [i for i, c in every if is_of_readings(c) or c.kind.follows_load]
         runs = range(self.count, len(self.rows.balances))
         try:
             whole = {run: self.rows.balances[run].beside(changes) for run in runs}
         except ConfigurationError:  # together they are no robot
             return self
-        return replace(self, rows=about_model(self.rows, whole))
+        return replace(self, rows=about_model(self.rows, whole, which))
 
     def left_by(self, mean: Array) -> TwoGroups:
         """With the levels of what coefficients (P,) leave: more columns explain some of any."""

@@ -11,7 +11,7 @@ import numpy as np
 from ...effects.effect import Effect
 from ...effects.laws.learned_torque import LearnedTorque, law_at
 from ...estimation.balance.arm_rows import ArmRows
-from ...estimation.balance.arm_rows_about import about_loads
+from ...estimation.balance.arm_rows_about import about_model
 from ...estimation.columns import Candidate
 from ...model.machine import machine_of
 from ...types import Array, BoolArray
@@ -121,7 +121,9 @@ def with_laws(
     numbers = list(range(first, first + len(laws)))
 
     def rows_with(some: Sequence[LawCandidate]) -> ArmRows:
-        return about_loads(found.fit.rows.with_more(some), found.extended, numbers)
+        return about_model(
+            found.fit.rows.with_more(some), dict(enumerate(found.extended)), numbers
+        )
 
     rows = rows_with(laws)
     own = [

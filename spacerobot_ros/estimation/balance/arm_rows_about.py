@@ -12,22 +12,25 @@ from .arm_rows import ArmRows
 from .balance import Balance
 
 
-def about_loads(rows: ArmRows, balances: Sequence[Balance], chosen: Iterable[int]) -> ArmRows:
-    """The same rows with what follows the load by a motor's whole torque.
+def about_model(rows: ArmRows, whole: Mapping[int, Balance], which: Iterable[int]) -> ArmRows:
+    """The same rows with columns of some candidates made about other models.
 
-    A model that lacks friction and bodies lacks their share of it. Causes are chosen without:
-    any friction of a joint with little to carry would pass for one that goes with its load.
+    A model that lacks friction and bodies lacks their share of what goes with its torques:
+    friction of the load, torques that are late, angles that are off.
 
     Args:
         rows: The rows.
-        balances: Of a model with all that was found.
-        chosen: Numbers of candidates.
+        whole: Balances of models with what was found, by the numbers of their recordings.
+        which: Numbers of the candidates.
     """
-    own = [i for i in chosen if rows.candidates[i].kind.follows_load]
-    columns = [full.copy() for full in rows.columns]
-    for balance, full in zip(balances, columns, strict=True):
-        for i in own:
-            full[:, :, rows.places[i]] = balance.columns(rows.candidates[i].small_steps)
+    which, columns = list(which), list(rows.columns)
+    if not which:
+        return rows
+    at = np.concatenate([rows.places[i] for i in which])
+    steps = [step for i in which for step in rows.candidates[i].small_steps]
+    for run, balance in whole.items():
+        columns[run] = columns[run].copy()
+        columns[run][:, :, at] = balance.columns(steps)
     return rows.about_others(columns)
 
 
@@ -39,41 +42,18 @@ def about_readings(
 ) -> ArmRows:
     """The same rows linearized about what is wrong with readings: delays, zeros of encoders.
 
-    Columns of the model hold for small ones: a model without friction lacks what friction that is
-    late leaves wherever a joint turns round.
-
     Args:
         rows: The rows.
         values: (k,) coefficients of each, by the numbers of their candidates.
         undone: Balances of the model with these undone.
         whole: The same of a model with all that was found.
     """
-    columns, torques = [full.copy() for full in rows.columns], []
-    for balance, all_of_it, full in zip(undone, whole, columns, strict=True):
-        torque = balance.torque.copy()
-        for i, own in values.items():
-            full[:, :, rows.places[i]] = all_of_it.columns(rows.candidates[i].small_steps)
-            torque += full[:, :, rows.places[i]] @ own
-        torques.append(torque)
-    return rows.about_others(columns, torques)
-
-
-def about_model(rows: ArmRows, whole: Mapping[int, Balance]) -> ArmRows:
-    """The same rows with what goes with the model's torques by other models.
-
-    Gains stay: what the scale of all torques is uncertain by is said of a change, and not found.
-
-    Args:
-        rows: The rows.
-        whole: Balances of these models, by the numbers of their recordings.
-    """
-    some = [i for i, c in enumerate(rows.candidates) if _goes_with_torques(c)]
-    columns = list(rows.columns)
-    for run, balance in whole.items():
-        steps = [step for i in some for step in rows.candidates[i].small_steps]
-        columns[run] = columns[run].copy()
-        columns[run][:, :, np.concatenate([rows.places[i] for i in some])] = balance.columns(steps)
-    return rows.about_others(columns)
+    about = about_model(rows, dict(enumerate(whole)), values)
+    torques = [
+        balance.torque + sum(full[:, :, rows.places[i]] @ own for i, own in values.items())
+        for balance, full in zip(undone, about.columns, strict=True)
+    ]
+    return rows.about_others(about.columns, torques)
 
 
 def is_of_readings(candidate: Candidate) -> bool:
@@ -81,7 +61,3 @@ def is_of_readings(candidate: Candidate) -> bool:
     kind = candidate.kind
     is_late = kind.acts('delay') or kind.acts('joint_delays')
     return candidate.recordings is None and (is_late or kind.id == 'encoder_offset')
-
-
-def _goes_with_torques(candidate: Candidate) -> bool:
-    return is_of_readings(candidate) or candidate.kind.follows_load
