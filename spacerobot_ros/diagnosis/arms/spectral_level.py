@@ -3,7 +3,7 @@
 `leftover.py` has a family of spectra. A line in the band of the motion, or torques that lack at a
 few frequencies, are none of it: a body that went with them was worth 400 nats, and is worth 50 at
 the level that is left beside it in bins of frequency, 9 where what is left without it has a level
-of its own. A cause has to be worth its prior odds so, too.
+of its own. A cause has to be worth its prior odds so, too, to have a name.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ class SpectralRows:
         Args:
             fit: The causes at the level that the rows are whitened by.
         """
-        family, found = fit.hypotheses, ChosenSet.of(fit.hypotheses, fit.chosen)
-        known = {i: found.objective - _without(family, found, i).objective for i in found.chosen}
+        found = ChosenSet.of(fit.hypotheses, fit.chosen)
+        known = {i: _evidence(fit.hypotheses, found, i) for i in found.chosen}
         chosen, gone = set(found.chosen), set[int]()
         while asked := {i: known[i] for i in chosen if self._is_asked(i)}:
             margins = self._margins(chosen, asked)
@@ -86,7 +86,7 @@ class SpectralRows:
 
         Args:
             chosen: The causes.
-            known: The same at the level that the rows are whitened by, of those that are asked.
+            known: Log evidence at the level that the rows are whitened by, of those asked.
         """
         whole = self._level(chosen, np.ones(len(self._data)))
         blocks = GramBlocks(self._columns.shape[1])
@@ -95,12 +95,12 @@ class SpectralRows:
         hypotheses = Hypotheses(blocks, self._every)
         beside, out = ChosenSet.of(hypotheses, chosen), {}
         for i in known:
-            rest = _without(hypotheses, beside, i)
-            odds = hypotheses.prior(beside.chosen - rest.chosen)
-            out[i] = beside.objective - rest.objective
-            if out[i] - odds <= LINE * (known[i] - odds):
-                without = self._level(rest.chosen, whole.scale)
-                out[i] = min(out[i], whole.likelihood - without.likelihood + odds)
+            gone = hypotheses.dependents(beside.chosen, [i])
+            evidence = _evidence(hypotheses, beside, i)
+            if evidence <= LINE * known[i]:
+                without = self._level(beside.chosen - gone, whole.scale)
+                evidence = min(evidence, whole.likelihood - without.likelihood)
+            out[i] = evidence + hypotheses.prior(gone)
         return out
 
     def _level(self, chosen: Collection[int], scale: Array) -> Level:
@@ -111,6 +111,8 @@ class SpectralRows:
         return terms.level(np.zeros((len(prior), 0)), scale)
 
 
-def _without(hypotheses: Hypotheses, found: ChosenSet, i: int) -> ChosenSet:
-    """A set without a cause and what needs it."""
-    return ChosenSet.of(hypotheses, found.chosen - hypotheses.dependents(found.chosen, [i]))
+def _evidence(hypotheses: Hypotheses, found: ChosenSet, i: int) -> float:
+    """Log evidence of a set for a cause and what needs it."""
+    gone = hypotheses.dependents(found.chosen, [i])
+    rest = ChosenSet.of(hypotheses, found.chosen - gone)
+    return found.objective - rest.objective - hypotheses.prior(gone)
