@@ -187,7 +187,7 @@ def test_reaction_wheel_pendulum(tmp_path, capsys):
     assert causes['current_offset', 'wheel']['offset']['value'] == pytest.approx(0.067, abs=0.01)
     assert 0.015 < causes['joint_sensor_delay', 'wheel']['delay']['value'] < 0.045
     (free,) = found['free_motion']
-    assert free['rms_after'] < 0.25 * free['rms_before']
+    assert free['rms_after'] < 2.2e-3 < 0.25 * free['rms_before']
     (other,) = found['score']['free_motion']
     assert other['rms_after'] < 1.7e-3 < 0.25 * other['rms_before']
 
@@ -244,9 +244,11 @@ def test_a_last_link_whose_file_is_wrong(tmp_path, capsys):
     assert 'joint_torque_constant' not in {effect for effect, _ in causes}
     off = causes['inertial_parameters', 'Link2']['ixx']
     assert abs(off['value'] + 0.6256 * 0.2557**2) < 3.0 * off['std'] < 0.04
-    laws = {law['joint']: law['coulomb'] for law in found['friction']}
-    # published, without what grows with the load, a third of that of the first joint here
-    assert laws == pytest.approx({'Joint1': 0.16, 'Joint2': 0.12}, abs=0.1)
+    published = {'Joint1': 0.16, 'Joint2': 0.12}
+    for joint, coulomb in published.items():  # friction of the load apart
+        assert causes['joint_coulomb_friction', joint]['torque']['value'] == pytest.approx(
+            coulomb, abs=0.04
+        )
 
 
 def test_pushes_of_a_ur10e_held_still_with_the_friction_of_another_recording(tmp_path):

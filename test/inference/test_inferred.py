@@ -94,6 +94,20 @@ def test_what_fails_on_other_parts_is_excluded_and_the_search_goes_on():
     assert [c.key for c in found.causes] == [1]
 
 
+def test_what_is_refused_is_excluded_and_the_search_goes_on():
+    """With all else that it asked for: the set is then that of hypotheses without it."""
+    problem = drawn([3, 4], count=12, odds=2.0, is_cause=0.4, size=2.0, **SMALL)
+    first, *_ = infer(problem.sums, problem.every).causes
+    found = infer(
+        problem.sums,
+        problem.every,
+        refused=lambda h, now: [i for i in now.chosen if h.every[i].key == first.key],
+    )
+    never = [replace(h, log_odds=-np.inf) if h.key == first.key else h for h in problem.every]
+    assert first.key in found.excluded
+    assert {c.key for c in found.causes} == {c.key for c in infer(problem.sums, never).causes}
+
+
 def test_misfit_and_implausible_values_are_said(rng):
     assert infer(*two_columns(rng, lambda x: 0.0 * x[:, 0])).verdict == 'consistent'
     squared = two_columns(rng, lambda x: 3.0 * x[:, 0] * x[:, 1])

@@ -82,7 +82,7 @@ def environment():
 EXPECTED = {
     'bag_to_cause': ('verdict: good', 'viscous friction in a joint at joint_2', 'effects written'),
     'own_robot': ('wheel momentum of the captured body', 'h_lower_x'),
-    'arm_payload': ('verdict: changed', 'at lower (mx +0.4997'),
+    'arm_payload': ('verdict: changed', 'at lower (mx +0.4997 +- 0.04 kg m).'),
     'own_effect': ('drag (a formula) at joint_2',),
     'next_motion': ('told apart',),
     'watch_flight': (
