@@ -7,7 +7,7 @@ to do. Command line and nodes print `str(error)` as one line and exit with statu
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 _LONGEST, _LONGEST_PLACE = 1000, 300  # characters of a line, which may quote the input
 
@@ -50,6 +50,23 @@ class PlacedError(SpaceRobotError, ValueError):
     def __reduce__(self) -> tuple[type[PlacedError], tuple[str, str]]:
         """From another process it comes as it was."""
         return type(self), (self.place, self.reason)
+
+
+def refuse_all(faults: Sequence[PlacedError], place: str) -> None:
+    """Raise what is wrong, all of it at once; nothing where nothing is.
+
+    Args:
+        faults: Of one kind.
+        place: Of all of them; the beginning of their own places.
+
+    Raises:
+        PlacedError: of their kind.
+    """
+    if len(faults) > 1:
+        parts = (f'{f.place.removeprefix(place).lstrip(": ")}: {f.reason}' for f in faults)
+        raise type(faults[0])(place, f'{len(faults)} faults: {"; ".join(parts)}')
+    for fault in faults:
+        raise fault
 
 
 class ConfigurationError(PlacedError):

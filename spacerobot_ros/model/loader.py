@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, refuse_all
 from .body import Body, Rotor, last_bodies, merge_bodies
 from .files import is_file
 from .inputs import read_thrusters
@@ -21,6 +21,7 @@ from .urdf import Tree, parse_urdf
 from .urdf_joints import MOVING, left_moving
 from .wheels import build_rotors, lock_rotors, servicer_gyrostat, target_gyrostats
 
+_ONE_LINE = 1e-9  # sine of the angle, and m, between two axes that are one
 _MOST_JOINTS = 500  # of n, the torque regressor of a single sample has 10 n^2 numbers: 20 MB
 
 
@@ -100,8 +101,9 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
         _each(options, f'sensors.{name}', getattr(settings.sensors, name))
     bodies, frames = merge_bodies(lock_rotors(options, tree), options.joints)
     rotors = build_rotors(options, tree, frames)
-    for body, why in _faulty_bodies(options, bodies, rotors):
-        raise ConfigurationError(f'{urdf_name}: link {body.name!r}', why)
+    faults = _faulty_bodies(options, bodies, rotors)
+    wrong = [ConfigurationError(f'{urdf_name}: link {b.name!r}', why) for b, why in faults]
+    refuse_all(wrong, urdf_name)
     joints = [tree.joints[name] for name in options.joints]
     return Robot(
         name=tree.name,
@@ -185,7 +187,30 @@ def _faulty_bodies(
                 bodies[index],
                 f'joint {joint!r} moves it, so it needs mass and inertia about its axis',
             )
+    for above, below in _without_mass_between(bodies):
+        one, other = (options.joints[k - 1] for k in (above, below))
+        how = 'slide along one direction' if bodies[above].is_prismatic else 'turn about one line'
+        yield (
+            bodies[above],
+            f'joints {one!r} and {other!r} {how} with no mass between them, so that nothing '
+            'tells their motions apart: give the link a mass, or hold one by '
+            f'robot.held: {{{other}: 0.0}}',
+        )
     for host in sorted({rotor.body.parent for rotor in rotors}):
         rotor_mass = sum(rotor.body.mass for rotor in rotors if rotor.body.parent == host)
         if bodies[host].mass <= rotor_mass * (1.0 + 1e-9):
             yield bodies[host], 'carries rotors, so it needs a mass and an inertia of its own'
+
+
+def _without_mass_between(bodies: tuple[Body, ...]) -> Iterator[tuple[int, int]]:
+    """Pairs of joints, by body, that move alike and have nothing between them that has mass."""
+    for k, body in enumerate(bodies):
+        above = bodies[body.parent] if body.parent > 0 else None
+        if above is None or above.mass > 0.0 or above.motor_inertia > 0.0:
+            continue
+        axis, beside = body.rotation @ body.axis, [b for b in bodies if b.parent == body.parent]
+        is_alike = above.is_prismatic == body.is_prismatic and len(beside) == 1
+        off = np.cross(axis, above.axis)
+        apart = np.cross(body.translation, above.axis) * (not body.is_prismatic)
+        if is_alike and max(np.max(np.abs(off)), np.max(np.abs(apart))) < _ONE_LINE:
+            yield body.parent, k

@@ -85,10 +85,13 @@ def check_inertia(mass: float, inertia: Matrix3, where: str) -> None:
         raise ModelError(where, why)
 
 
-def fault_of(mass: float, inertia: Matrix3) -> str:
-    """Why no rigid body has a mass [kg] and (3, 3) an inertia about its centre of mass [kg m^2].
+def fault_of(mass: float, inertia: Matrix3, axes: Matrix3 | None = None) -> str:
+    """Why no rigid body has a mass and an inertia; empty where one may.
 
-    Empty where one may.
+    Args:
+        mass: [kg].
+        inertia: (3, 3) about the centre of mass [kg m^2].
+        axes: (3, 3) takes the axes in which a file gives the inertia to these; None: the same.
     """
     if not np.all(np.isfinite(inertia)) or not math.isfinite(mass):
         return 'mass or inertia is not finite'
@@ -105,20 +108,21 @@ def fault_of(mass: float, inertia: Matrix3) -> str:
         (
             c > (a + b) * (1.0 + _TRIANGLE_SLACK),
             f'no rigid body has these principal moments: {c:.6g} > {a:.6g} + {b:.6g} kg m^2 '
-            f'(triangle inequality); the nearest in the axes of the link: {_nearest(inertia)}',
+            f'(triangle inequality); the nearest in its own axes: {_nearest(inertia, axes)}',
         ),
     )
     return next((why for is_wrong, why in tests if is_wrong), '')
 
 
-def _nearest(inertia: Matrix3) -> str:
+def _nearest(inertia: Matrix3, axes: Matrix3 | None) -> str:
     """The closest inertia that keeps the triangle inequality, as a URDF says it.
 
     Least squares: each principal moment moves by a third of what the two smaller ones lack.
     """
-    moments, axes = np.linalg.eigh(inertia)
+    own = inertia if axes is None else axes.T @ inertia @ axes
+    moments, principal = np.linalg.eigh(own)
     lack = (moments[2] - moments[0] - moments[1]) * (1.0 + _TRIANGLE_SLACK) / 3.0
-    near = (axes * (moments + lack * np.array([1.0, 1.0, -1.0]))) @ axes.T
+    near = (principal * (moments + lack * np.array([1.0, 1.0, -1.0]))) @ principal.T
     rows, columns = np.triu_indices(3)
     return ' '.join(
         f'i{"xyz"[i]}{"xyz"[j]}="{near[i, j]:.7g}"' for i, j in zip(rows, columns, strict=True)

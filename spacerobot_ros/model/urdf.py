@@ -8,14 +8,15 @@ libraries accept most of it in silence.
 from __future__ import annotations
 
 import math
+import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from ..errors import ModelError
+from ..errors import ModelError, PlacedError, refuse_all
 from ..types import Matrix3, Vector3
 from .files import MOST_URDF
 from .rigid_body import Solid, fault_of
@@ -25,7 +26,10 @@ from .urdf_joints import MOVING, Joint, Mimic, with_held
 INERTIA = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 Named = TypeVar('Named')
 _NOTHING = Solid(0.0, np.zeros(3), np.zeros((3, 3)))
-_XACRO = 'ros.org/wiki/xacro}'  # namespace of its elements, as the parser writes it
+_ENDLESS = r'[+-]?(inf|infinity|1\.79769\d*e\+?308)'  # no limit, or the largest of all doubles
+_ROUNDING = 1e-12  # kg m^2: a gram within 0.03 mm
+_XACRO = 'ros.org/wiki/xacro'  # end of the namespace of its elements
+_UNDONE = ('arg', 'if', 'include', 'insert_block', 'macro', 'property', 'unless')
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,25 +68,48 @@ def parse_urdf(
     """
     if len(text) > MOST_URDF:
         raise ModelError(place, f'is larger than {MOST_URDF / 1e6:g} MB, the most that is read')
-    try:
-        root = ElementTree.fromstring(text)
-    except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise ModelError(place, f'not well-formed XML: {error}') from error
-    if any(_is_xacro(element) for element in root.iter()):
-        why = 'is xacro, not URDF: convert it with `xacro FILE > robot.urdf` and name that'
-        raise ModelError(place, why)
-    if root.tag != 'robot':
-        raise ModelError(place, f'the root element is <{root.tag}>, expected <robot>')
-    links = _unique((_parse_link(e, place) for e in root.findall('link')), 'link', place)
-    each = (_parse_joint(e, place) for e in root.findall('joint'))
-    joints = _unique(((joint.name, joint) for joint in each), 'joint', place)
+    root = _root(text, place)
+    faults: list[PlacedError] = []
+    given = _named(root.findall('link'), _parse_link, place, faults)
+    joints = _named(root.findall('joint'), _parse_joint, place, faults)
+    refuse_all(faults, place)
     joints = with_held(joints, held or {})
     children = {joint.child for joint in joints.values()}
-    base = next((name for name in links if name not in children), '')
-    for where, why in _faults_of_tree(links, joints, base, place):
-        raise ModelError(where, why)
-    checked = _checked(links, joints, place, base if is_on_ground else '')
+    base = next((name for name in given if name not in children), '')
+    wrong = _faults_of_tree(given, joints, base, place)
+    refuse_all([ModelError(where, why) for where, why in wrong], place)
+    links = {name: link.solid for name, link in given.items()}
+    axes = {name: link.axes for name, link in given.items()}
+    checked = _checked(links, axes, joints, place, base if is_on_ground else '')
     return Tree(root.get('name', 'robot'), base, checked, joints)
+
+
+def _root(text: str, place: str) -> ElementTree.Element:
+    """The root element of a URDF, as every reader of these takes it.
+
+    Its own name space is none, and dashes in comments are no fault.
+    """
+    try:
+        root = ElementTree.fromstring(re.sub(r'<!--.*?-->', '', text, flags=re.DOTALL))
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise ModelError(place, f'not well-formed XML: {error}') from error
+    is_whole = any(element.tag.endswith('link') for element in root)
+    if any(_is_for_xacro(element, is_whole) for element in root.iter()):
+        why = 'is xacro, not URDF: convert it with `xacro FILE > robot.urdf` and name that'
+        raise ModelError(place, why)
+    space, _, tag = root.tag.rpartition('}')
+    if tag != 'robot':
+        raise ModelError(place, f'the root element is <{root.tag}>, expected <robot>')
+    for element in root.iter() if space else ():
+        element.tag = element.tag.removeprefix(f'{space}}}')
+    return root
+
+
+class _Link(NamedTuple):
+    """A link, and what takes the axes of its `<inertial>` to its own."""
+
+    solid: Solid
+    axes: Matrix3
 
 
 def by_parent(joints: dict[str, Joint]) -> dict[str, list[Joint]]:
@@ -93,35 +120,48 @@ def by_parent(joints: dict[str, Joint]) -> dict[str, list[Joint]]:
     return below
 
 
-def _unique(items: Iterable[tuple[str, Named]], kind: str, place: str) -> dict[str, Named]:
+def _named(
+    elements: Iterable[ElementTree.Element],
+    parse: Callable[[ElementTree.Element, str], Named],
+    place: str,
+    faults: list[PlacedError],
+) -> dict[str, Named]:
+    """Elements by name; what is wrong of them is added to the faults."""
     named: dict[str, Named] = {}
-    for name, item in items:
-        if name in named:
-            raise ModelError(f'{place}: {kind} {name!r}', 'this name is used twice')
-        named[name] = item
+    for element in elements:
+        name = element.get('name', '')
+        try:
+            if not name:
+                raise ModelError(f'{place}: <{element.tag}>', 'has no name')
+            if name in named:
+                raise ModelError(f'{place}: {element.tag} {name!r}', 'this name is used twice')
+            named[name] = parse(element, f'{place}: {element.tag} {name!r}')
+        except ModelError as error:
+            faults.append(error)
     return named
 
 
-def _parse_link(element: ElementTree.Element, place: str) -> tuple[str, Solid]:
-    name = element.get('name', '')
-    where = f'{place}: link {name!r}'
-    if not name:
-        raise ModelError(f'{place}: <link>', 'has no name')
+def _parse_link(element: ElementTree.Element, where: str) -> _Link:
     inertial = element.find('inertial')
     if inertial is None:
-        return name, _NOTHING
+        return _Link(_NOTHING, np.eye(3))
     com, rotation = _parse_origin(inertial.find('origin'), where)
     mass_element, inertia_element = inertial.find('mass'), inertial.find('inertia')
     if mass_element is None or inertia_element is None:
         raise ModelError(where, '<inertial> needs both <mass> and <inertia>')
     mass = _parse_numbers(mass_element.get('value', ''), 1, f'{where} mass')[0]
-    inertia = rotation @ _parse_inertia(inertia_element, where) @ rotation.T
-    return name, Solid(mass, com, inertia)
+    inertia = _parse_inertia(inertia_element, where)
+    if np.max(np.abs(inertia)) < _ROUNDING:
+        inertia = np.zeros((3, 3))
+    return _Link(Solid(mass, com, rotation @ inertia @ rotation.T), rotation)
 
 
-def _is_xacro(element: ElementTree.Element) -> bool:
-    """Whether it is of xacro's own, or has an expression of it."""
-    return _XACRO in element.tag or any('${' in v or '$(' in v for v in element.attrib.values())
+def _is_for_xacro(element: ElementTree.Element, is_whole: bool) -> bool:
+    """Whether xacro has something to do with it, unlike what it leaves over of a whole file."""
+    space, _, tag = element.tag.rpartition('}')
+    if space.endswith(_XACRO) and (tag in _UNDONE or not is_whole):
+        return True
+    return any('${' in v or '$(' in v for v in element.attrib.values())
 
 
 def _parse_inertia(element: ElementTree.Element, where: str) -> Matrix3:
@@ -142,7 +182,11 @@ def _parse_inertia(element: ElementTree.Element, where: str) -> Matrix3:
 
 
 def _checked(
-    links: dict[str, Solid], joints: dict[str, Joint], place: str, still: str
+    links: dict[str, Solid],
+    axes: Mapping[str, Matrix3],
+    joints: dict[str, Joint],
+    place: str,
+    still: str,
 ) -> dict[str, Solid]:
     """Links whose bodies are rigid ones.
 
@@ -151,22 +195,26 @@ def _checked(
     what does not move, the link `still` and all on it, nobody needs any.
 
     Raises:
-        ModelError: see `check_inertia`; of the link that is none by itself.
+        ModelError: see `check_inertia`; of every link that is none by itself.
     """
+    refused: list[PlacedError] = []
     out, below = dict(links), by_parent(joints)
     welded = {joint.child for joint in joints.values() if joint.kind == 'fixed'}
     for name in (name for name in links if name not in welded):
         names = [name]
         whole = _whole(links, below, names)
-        faults = [(part, fault_of(links[part].mass, links[part].inertia)) for part in names]
+        solids = ((part, links[part]) for part in names)
+        faults = [(part, fault_of(s.mass, s.inertia, axes[part])) for part, s in solids]
         faults = [(part, why) for part, why in faults if why]
         if not faults:
             continue
         is_body = not fault_of(whole.mass, whole.inertia)
         if any(links[part].mass < 0.0 for part in names) or not (is_body or name == still):
             part, why = faults[0]
-            raise ModelError(f'{place}: link {part!r}', why)
+            refused.append(ModelError(f'{place}: link {part!r}', why))
+            continue
         out |= dict.fromkeys(names, _NOTHING) | ({name: whole} if is_body else {})
+    refuse_all(refused, place)
     return out
 
 
@@ -186,11 +234,8 @@ def _whole(
     return whole[names[0]]
 
 
-def _parse_joint(element: ElementTree.Element, place: str) -> Joint:
+def _parse_joint(element: ElementTree.Element, where: str) -> Joint:
     name, kind = element.get('name', ''), element.get('type', '')
-    where = f'{place}: joint {name!r}'
-    if not name:
-        raise ModelError(f'{place}: <joint>', 'has no name')
     if kind not in (*MOVING, 'fixed'):
         known = f'{", ".join(MOVING)} or fixed'
         raise ModelError(where, f'joint type {kind!r} is not supported (use {known})')
@@ -223,7 +268,10 @@ def _parse_limits(
     given = {} if element is None else element.attrib
 
     def limit(key: str) -> float:
-        return _parse_numbers(given.get(key, '0'), 1, f'{where} {key} limit')[0]
+        text = given.get(key, '0')
+        if re.fullmatch(_ENDLESS, text.strip().lower()):
+            return -math.inf if '-' in text[:1] else math.inf
+        return _parse_numbers(text, 1, f'{where} {key} limit')[0]
 
     effort, velocity = (limit(key) or math.inf for key in ('effort', 'velocity'))
     low, high = -math.inf, math.inf
@@ -276,24 +324,29 @@ def _parse_numbers(text: str, count: int, where: str) -> list[float]:
 
 
 def _faults_of_tree(
-    links: dict[str, Solid], joints: dict[str, Joint], root: str, place: str
+    links: Collection[str], joints: dict[str, Joint], root: str, place: str
 ) -> Iterator[tuple[str, str]]:
     """Why links and joints are not one tree: place and reason."""
-    parents: dict[str, str] = {}
+    parents, is_tree = dict[str, str](), True
     for joint in joints.values():
         for end in (joint.parent, joint.child):
             if end not in links:
+                is_tree = False
                 where = f'{place}: joint {joint.name!r}'
                 yield where, f'names the link {end!r}, which does not exist'
         if joint.child in parents:
+            is_tree = False
             both = f'{parents[joint.child]!r} and {joint.name!r}'
             why = f'has two parents (joints {both}): closed loops are not supported'
             yield f'{place}: link {joint.child!r}', why
         parents[joint.child] = joint.name
+    if not is_tree:
+        return
     roots = [name for name in links if name not in parents]
     if roots != [root]:
         found = ', '.join(roots) or 'none'
         yield place, f'must be one tree, but its links without a parent are: {found}'
+        return
     below = by_parent(joints)
     reached, waiting = {root}, [root]
     while waiting:

@@ -25,7 +25,6 @@ from ..dynamics.state import State
 from ..effects.effect import Effect, own_states
 from ..effects.motion import Motion, motion_at
 from ..errors import ConfigurationError, SimulationDivergedError
-from ..model.robot import Robot
 from ..types import Array, Vector3, Vector6
 
 _ANGLE_PER_STEP = {13: 1.0, 5: 0.1}
@@ -66,8 +65,11 @@ class ForcedMotion:
         # what wheels hold is a couple; only effects with states of their own move a mass
         self._holds_mass = any(e.hidden for e, _ in self._holders)
         self.hidden: Array = np.zeros(sum(e.hidden for e in effects))
-        self._tableau, angle = tableau, _ANGLE_PER_STEP[len(tableau[1])]
-        self.substeps = max([substeps, *(_steps(e, self._robot, period, angle) for e in effects)])
+        self._tableau = tableau
+        needed = (
+            steps_of(e.fastest(self._robot), f'effects.{e.name}', period, tableau) for e in effects
+        )
+        self.substeps = max([substeps, *needed])
         self._period = period
         self._size = 13 + 2 * self._robot.n_joints
 
@@ -204,16 +206,35 @@ def _affine_force(effect: Effect, motion: Motion, hidden: Array) -> tuple[Array,
     return forces[0], (forces[1:] - forces[0]).T
 
 
-def _steps(effect: Effect, robot: Robot, period: float, angle: float) -> int:
-    """Runge-Kutta steps that an effect needs in a period."""
-    fastest = effect.fastest(robot)
+def steps_of(fastest: float, place: str, period: float, tableau: Tableau) -> int:
+    """Runge-Kutta steps that what moves so fast [rad/s] needs in a period [s].
+
+    Raises:
+        ConfigurationError: more than are made.
+    """
+    angle = _ANGLE_PER_STEP[len(tableau[1])]
     steps = max(1, math.ceil(fastest * period / angle))
     if steps > _MOST_STEPS:
         raise ConfigurationError(
-            f'effects.{effect.name}',
+            place,
             f'moves at {fastest:.3g} rad/s: needs integration steps of '
             f'{angle / fastest:.2g} s, {steps} in a simulator.period of {period:g} s '
             f'(at most {_MOST_STEPS}): give a period of at most '
             f'{_MOST_STEPS * angle / fastest:.2g} s',
         )
     return steps
+
+
+def fastest_mode(dynamics: Dynamics, x: Array) -> float:
+    """Highest frequency of the robot itself about a state (13 + 2 n,): nutation [rad/s].
+
+    Its accelerations are quadratic in its rates, so their derivatives by central differences are
+    exact; wheels make them large where bodies are light.
+    """
+    n = dynamics.robot.n_joints
+    rates = np.arange(7 + n, 13 + 2 * n)
+    steps, tau = np.zeros((len(rates), len(x))), np.zeros(n)
+    steps[:, rates] = np.eye(len(rates))
+    ends = [[dynamics.rate(x + side * s, tau)[rates] for s in steps] for side in (1.0, -1.0)]
+    slopes = 0.5 * (np.array(ends[0]) - np.array(ends[1])).T
+    return float(np.max(np.abs(np.linalg.eigvals(slopes).imag), initial=0.0))

@@ -18,7 +18,7 @@ from ..errors import ConfigurationError, MessageRejectedError, SimulationDiverge
 from ..formats import counted
 from ..model.robot import Robot
 from ..types import Array, Vector6
-from .forced import ForcedMotion
+from .forced import ForcedMotion, fastest_mode, steps_of
 
 
 class Plant:
@@ -32,7 +32,7 @@ class Plant:
         robot: What the machine really is, its effects' changes made (`truth.true_robot`).
         initial: State at step 0.
         period: Control period [s], a whole number of nanoseconds after rounding.
-        substeps: Runge-Kutta steps in one period; more are made where an effect is fast.
+        substeps: Runge-Kutta steps in one period; more where the robot or an effect is fast.
         effects: Physical effects that act on it.
         tableau: Runge-Kutta method: DOP853 keeps momentum to rounding, RK4 is right to 1e-6.
 
@@ -68,6 +68,8 @@ class Plant:
         self._joint_work = 0.0
         self._driven = 1.0 - np.isin(robot.arm, robot.passive_joints)
         self._torque, self._arm = np.zeros(robot.n_joints), slice(7, 7 + self.n_arm)
+        nutation = fastest_mode(self.dynamics, self._x)
+        substeps = max(substeps, steps_of(nutation, 'robot', self.period, tableau))
         self._free = Holding(self.dynamics, self.period, substeps, tableau)
         self._forced = ForcedMotion(self.dynamics, effects, self.period, substeps, tableau)
         self.substeps = self._forced.substeps

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from support.models import Part, robot_of, settings_of, table_one, to_urdf
 
+from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import initial_state
 from spacerobot_ros.effects.motion import inverse_mass
 from spacerobot_ros.effects.robot_file import load_robot_file
@@ -534,6 +535,22 @@ SINGULAR = [
 def test_trees_that_can_not_move_are_refused(parts, link):
     with pytest.raises(ConfigurationError, match=f"URDF: link '{link}': .* inertia"):
         robot_of(parts)
+
+
+@pytest.mark.parametrize('kind', ['continuous', 'prismatic'])
+def test_two_joints_of_one_motion_with_no_mass_between_are_refused_both_by_name(kind):
+    nothing = Part('a', 0, kind, 0.0, np.zeros(3), 0 * PLATE)
+    last = Part('b', 1, kind, 1.0, np.zeros(3), PLATE, origin=np.array([0.3, 0.0, 0.0]))
+    with pytest.raises(ConfigurationError, match=r"link 'a': joints 'j_a' and 'j_b' .* hold one"):
+        robot_of([BASE, nothing, last])
+    for other in (
+        replace(last, axis=np.array([0.0, 1.0, 0.0])),
+        *([replace(last, origin=np.array([0.0, 0.3, 0.0]))] * (kind == 'continuous')),
+    ):
+        robot = robot_of([BASE, nothing, other])
+        M = Dynamics(robot).mass_matrix(np.full(2, 0.3))
+        size = np.sqrt(np.diag(M))
+        assert np.linalg.eigvalsh(M / np.outer(size, size))[0] > 1e-3
 
 
 def test_a_fixed_base_needs_no_mass():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from spacerobot_ros.errors import ModelError
 from spacerobot_ros.model.rigid_body import check_inertia
@@ -358,14 +359,70 @@ def test_a_flat_plate_and_a_point_mass_are_physical():
     check_inertia(1.0, np.zeros((3, 3)), 'point')
 
 
-def test_an_inertia_that_no_body_has_is_refused_beside_the_nearest_one():
-    """As CAD programs round: what the message says is taken, and is off by a third of the lack."""
+@pytest.mark.parametrize('rpy', ['0 0 0', '0.4 -1.1 2.0'])
+def test_an_inertia_that_no_body_has_is_refused_beside_the_nearest_one(rpy):
+    """As CAD programs round: what the message says is taken where the inertia stands in the file,
+    and is off by a third of the lack.
+    """
     inertia = 'ixx="0.00777" ixy="1e-4" ixz="0" iyy="0.00156" iyz="2e-5" izz="0.00598"'
-    link = '<link name="a"><inertial><mass value="1"/><inertia {}/></inertial></link>'
-    body = f'<robot name="r">{link}</robot>'
+    origin = f'<origin rpy="{rpy}"/><mass value="1"/>'
+    body = (
+        f'<robot name="r"><link name="a"><inertial>{origin}<inertia %s/></inertial></link></robot>'
+    )
     with pytest.raises(ModelError) as refused:
-        parse_urdf(body.format(inertia))
-    near = str(refused.value).partition('axes of the link: ')[2]
-    (mended,) = parse_urdf(body.format(near)).links.values()
+        parse_urdf(body % inertia)
+    near = str(refused.value).partition('in its own axes: ')[2]
+    (mended,) = parse_urdf(body % near).links.values()
+    turned = Rotation.from_euler('xyz', [float(angle) for angle in rpy.split()]).as_matrix()
     given = np.array([[777e-5, 1e-4, 0], [1e-4, 156e-5, 2e-5], [0, 2e-5, 598e-5]])
-    assert 0.0 < np.linalg.norm(mended.inertia - given) < 1.5e-4
+    assert 0.0 < np.linalg.norm(mended.inertia - turned @ given @ turned.T) < 1.5e-4
+
+
+def test_all_that_is_wrong_is_said_at_once():
+    text = _with('mass value="1"', 'mass value="one"').replace(
+        'axis xyz="0 0 1"', 'axis xyz="0 1 1"'
+    )
+    with pytest.raises(
+        ModelError, match=r"^r.urdf: 2 faults: link 'arm' mass: .*; joint 'j1' axis"
+    ):
+        parse_urdf(text, 'r.urdf')
+    text = _with('mass value="10"', 'mass value="-10"').replace(
+        'mass value="1"', 'mass value="-1"'
+    )
+    with pytest.raises(ModelError, match=r"2 faults: link 'base_link': neg.*; link 'arm': neg"):
+        parse_urdf(text, 'r.urdf')
+
+
+@pytest.mark.parametrize(
+    ('old', 'new'),
+    [
+        ('<robot name', '<robot xmlns="http://example.org/robot" name'),
+        ('<link name="arm">', '<!-- arm -- of two -- parts --><link name="arm">'),
+        (
+            '<link name="arm">',
+            '<xacro:sensors xmlns:xacro="http://ros.org/wiki/xacro" api="x"/><link name="arm">',
+        ),
+        ('effort="5"', 'effort="1.7976931348623157e+308" velocity="inf"'),
+    ],
+    ids=['name space', 'dashes in a comment', 'left over by xacro', 'no limit'],
+)
+def test_what_every_reader_takes_is_taken(old, new):
+    tree, plain = parse_urdf(_with(old, new)), parse_urdf(GOOD)
+    assert list(tree.links) == list(plain.links)
+    assert tree.joints['j1'].effort_limit == (np.inf if 'inf' in new else 5.0)
+
+
+def test_limits_that_mean_none():
+    largest = 'lower="-1.7976931348623157e+308" upper="inf"'
+    assert parse_urdf(_with('lower="-1" upper="2"', largest)).joints['j1'].position_limit == (
+        -np.inf,
+        np.inf,
+    )
+
+
+def test_an_inertia_that_is_zero_but_for_rounding_is_zero():
+    text = _with(
+        '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.2"/>',
+        '<inertia ixx="-1e-18" ixy="0" ixz="3e-17" iyy="1e-20" iyz="0" izz="0"/>',
+    )
+    assert not parse_urdf(text).links['arm'].inertia.any()

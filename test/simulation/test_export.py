@@ -13,8 +13,10 @@ from support.contracts import keeps
 from support.models import quaternion_matrix
 
 from spacerobot_ros.cli import main
+from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.state import State
 from spacerobot_ros.effects.robot_file import load_robot_file
+from spacerobot_ros.errors import ConfigurationError
 from spacerobot_ros.simulation.export.mjcf import to_mjcf
 from spacerobot_ros.simulation.export.plain_urdf import to_urdf
 from spacerobot_ros.simulation.plant import Plant
@@ -211,6 +213,66 @@ def test_a_body_that_no_rigid_body_is_like_is_changed_and_said(tmp_path):
         )
         assert [line for line in exported.lost if re.match(words, line)]
     mujoco.MjModel.from_xml_string(to_mjcf(file).text)
+
+
+SOLID = (2.0, 'ixx="0.02" iyy="0.03" izz="0.025" ixy="0.001" ixz="-0.002" iyz="0.003"')
+NOTHING = (0.0, 'ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"')
+POINT, ROD = (2.0, NOTHING[1]), (2.0, 'ixx="0.1" iyy="0" izz="0.1" ixy="0" ixz="0" iyz="0"')
+
+
+def two_links(folder, first, second, **robot):
+    """Two joints on a free base, the second across the first."""
+
+    def link(name, mass, inertia):
+        own = f'<origin xyz="0.1 0.02 -0.03"/><mass value="{mass}"/><inertia {inertia}/>'
+        return f'<link name="{name}"><inertial>{own}</inertial></link>'
+
+    def joint(name, parent, child, axis):
+        limits = '<limit lower="0" upper="0" effort="50" velocity="2"/>'
+        place = '<origin xyz="0.3 -0.1 0.2" rpy="0.4 0.2 -0.3"/>'
+        ends = f'<parent link="{parent}"/><child link="{child}"/><axis xyz="{axis}"/>'
+        return f'<joint name="{name}" type="revolute">{ends}{place}{limits}</joint>'
+
+    base = (20.0, 'ixx="2" iyy="2" izz="2" ixy="0" ixz="0" iyz="0"')
+    links = [link('base_link', *base), link('a', *first), link('b', *second)]
+    joints = [joint('j1', 'base_link', 'a', '0 0 1'), joint('j2', 'a', 'b', '0 1 0')]
+    (folder / 'two.urdf').write_text(f'<robot name="two">{"".join(links + joints)}</robot>')
+    settings = {'robot': {'urdf': 'two.urdf', 'joints': ['j1', 'j2'], **robot}}
+    path = folder / 'two.yaml'
+    path.write_text(yaml.safe_dump({'/**': {'ros__parameters': settings}}))
+    return load_robot_file(path)
+
+
+@pytest.mark.parametrize(
+    ('first', 'second', 'lost'),
+    [
+        (NOTHING, SOLID, 'that a has no mass: MuJoCo needs some'),
+        (SOLID, POINT, 'that b has no inertia about every axis'),
+        (ROD, SOLID, 'that a has no inertia about every axis'),
+    ],
+    ids=['massless link', 'point mass', 'thin rod'],
+)
+def test_mujoco_holds_what_it_is_given_and_has_the_same_mass_matrix(tmp_path, first, second, lost):
+    file = two_links(tmp_path, first, second)
+    exported = to_mjcf(file)
+    assert any(line.startswith(lost) for line in exported.lost)
+    assert sum(line.startswith('limits of j') for line in exported.lost) == 2  # of one place
+    model = mujoco.MjModel.from_xml_string(exported.text)
+    data = mujoco.MjData(model)
+    q = np.array([0.4, -0.7])
+    data.qpos[:] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, *q]
+    mujoco.mj_forward(model, data)
+    theirs = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, theirs)
+    M = Dynamics(file.robot).mass_matrix(q)
+    np.testing.assert_allclose(theirs, M, rtol=1e-7, atol=1e-8 * np.max(M))
+
+
+def test_wheels_on_a_link_without_inertia_are_refused_by_name(tmp_path):
+    wheels = {'links': ['b'], 'momentum': [1.0, 0.0, 2.0]}
+    file = two_links(tmp_path, SOLID, POINT, target_wheels=wheels)
+    with pytest.raises(ConfigurationError, match="link 'b': has wheels and no inertia"):
+        to_mjcf(file)
 
 
 def test_delays_noise_and_limits_are_in_the_file(tmp_path):

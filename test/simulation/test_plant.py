@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.models import (
     WHEEL_SPIN,
+    Part,
     momentum_and_energy,
     quaternion_matrix,
     random_tree,
@@ -18,12 +19,14 @@ from support.models import (
 )
 from support.states import motion_of, random_state
 
+from spacerobot_ros.dynamics.equations import Dynamics
 from spacerobot_ros.dynamics.integrate import RK4
 from spacerobot_ros.errors import (
     ConfigurationError,
     MessageRejectedError,
     SimulationDivergedError,
 )
+from spacerobot_ros.simulation.forced import fastest_mode
 from spacerobot_ros.simulation.plant import Plant
 
 PERIOD = 0.01
@@ -224,3 +227,19 @@ def test_four_evaluations_a_period_are_right_to_a_millionth(parts, rng):
     np.testing.assert_allclose(got, expected, rtol=0, atol=1e-6)
     assert np.max(np.abs(got - expected)) > 1e-15  # it is another method
     assert coarse.ledger().momentum_drift < 1e-6
+
+
+def test_steps_follow_from_the_nutation_of_light_bodies_with_wheels(rng):
+    """A light body with much momentum nutates at h over its transverse inertia."""
+    body = [Part('base_link', -1, 'base', 1.0, np.zeros(3), np.diag([0.02, 0.02, 0.03]))]
+    light = robot_of(body, servicer_wheels={'momentum': [0.0, 0.0, 3.0]})
+    x = random_state(rng, 0, 0.0).to_vector()
+    assert fastest_mode(Dynamics(light), x) == pytest.approx(3.0 / 0.02, rel=1e-9)
+    plant = Plant(light, random_state(rng, 0, 0.3), PERIOD, 1)
+    assert plant.substeps == 2  # 1.5 rad a period
+    for _ in range(200):
+        plant.step(np.zeros(0))
+    assert plant.ledger().momentum_drift < 1e-9
+    heavy = robot_of(body, servicer_wheels={'momentum': [0.0, 0.0, 3e5]})
+    with pytest.raises(ConfigurationError, match=r'robot: moves at .* give a period of at most'):
+        Plant(heavy, random_state(rng, 0, 0.3), PERIOD, 1)

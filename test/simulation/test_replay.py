@@ -98,7 +98,7 @@ def test_a_model_that_is_lost_at_once_predicts_nothing(flight):
     file, record = flight
     light = replace(
         file,
-        robot=file.robot.with_inertial_parameters(1e-4 * file.robot.inertial_parameters),
+        robot=file.robot.with_inertial_parameters(1e-3 * file.robot.inertial_parameters),
     )
     scene = scene_of(record, light)
     assert scene.predicted is None

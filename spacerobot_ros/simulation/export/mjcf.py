@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from ...effects.effect import Effect
 from ...effects.motion import Motion
 from ...effects.robot_file import RobotFile
+from ...errors import ConfigurationError
 from ...model.body import Body, Gyrostat, inertia_ellipsoid, tree_order
 from ...model.robot import Robot
 from ...types import Array
@@ -40,6 +41,9 @@ _JOINT: Mapping[str, tuple[tuple[str, str], ...]] = {
     'joint_stiffness': (('stiffness', 'stiffness'), ('springref', 'rest_angle')),
 }
 """Attributes of `<joint>` and the parameters that they are, by effect."""
+_LEAST, _MINIMUM = 1e-9, 1e-14
+"""Of the smallest mass and moment, what a moving body without any is given: more than MuJoCo's
+least (1e-15), and less than the ninth digit of the mass matrix."""
 _DELAYS = {'joints': 'joint', 'effort': 'effort', 'imu': 'gyro', 'attitude': 'attitude'}
 """Sensors by the clock that is late."""
 _GAINS = ('joint_torque_constant', 'motor_constant')
@@ -87,6 +91,8 @@ def _gain(effect: Effect, robot: Robot) -> float:
 def to_mjcf(file: RobotFile) -> Exported:
     """Write the robot that a robot file's effects make, as far as MuJoCo goes."""
     believed, changed = with_rigid_bodies(file.believed)
+    _refuse_wheels_on_nothing(believed)
+    believed, given = _with_least(believed)
     robot = believed.with_free_rotors(np.array([rotor.rate for rotor in believed.rotors]))
     written = _Written(robot)
     included = [effect for effect in file.effects if written.add(effect)]
@@ -107,8 +113,54 @@ def to_mjcf(file: RobotFile) -> Exported:
     _add_start(root, robot, balls, file)
     ElementTree.indent(root)
     text = ElementTree.tostring(root, encoding='unicode') + '\n'
-    lost = (*changed, *sensor_limits(believed, '_std'), *without(file.effects, included))
+    lost = (
+        *changed,
+        *given,
+        *_single_places(believed),
+        *sensor_limits(believed, '_std'),
+        *without(file.effects, included),
+    )
     return Exported(text, tuple(map(in_words, included)), lost)
+
+
+def _refuse_wheels_on_nothing(robot: Robot) -> None:
+    """Raise ConfigurationError where wheels have a link that has no inertia of its own."""
+    for gyrostat in robot.gyrostats:
+        if gyrostat.momentum.any() and not robot.bodies[gyrostat.body].inertia.any():
+            why = 'has wheels and no inertia: MuJoCo can not hold them, give it some'
+            raise ConfigurationError(f'link {gyrostat.link!r}', why)
+
+
+def _with_least(robot: Robot) -> tuple[Robot, list[str]]:
+    """The robot with mass and inertia wherever something moves, and what had to be given."""
+    given = []
+    masses = [body.mass for body in robot.bodies if body.mass > 0.0]
+    moments = [np.linalg.eigvalsh(body.inertia) for body in robot.bodies]
+    least_mass = max(_LEAST * min(masses), _MINIMUM)
+    least = max(
+        _LEAST * min(float(m[m > 0.0].min()) for m in moments if (m > 0.0).any()), _MINIMUM
+    )
+    for k in range(0 if robot.is_free else 1, len(robot.bodies)):
+        body = robot.bodies[k]
+        own, axes = np.linalg.eigh(body.inertia)
+        if body.mass >= least_mass and own[0] >= least:
+            continue
+        what = 'mass' if body.mass < least_mass else 'inertia about every axis'
+        enough = (axes * np.maximum(own, least)) @ axes.T
+        mass = max(body.mass, least_mass)
+        robot = robot.with_body(k, replace(body, mass=mass, inertia=enough))
+        given.append(
+            f'that {body.name} has no {what}: MuJoCo needs some, and has at least '
+            f'{least_mass:.3g} kg and {least:.3g} kg m^2'
+        )
+    return robot, given
+
+
+def _single_places(robot: Robot) -> Iterator[str]:
+    """Limits that are one place, which MuJoCo takes for no range."""
+    for joint, (low, high) in zip(robot.joints, robot.position_limits.tolist(), strict=True):
+        if low == high:
+            yield f'limits of {joint}, both of them {low:g}'
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,7 +181,7 @@ def _ball(robot: Robot, gyrostat: Gyrostat) -> _Ball:
     size = float(np.linalg.norm(momentum))
     inertia = _SMALL * float(np.linalg.eigvalsh(host.inertia)[0])
     body = Body(
-        name=_free(f'{gyrostat.link}_wheels', [body.name for body in robot.bodies]),
+        name=_free(f'{gyrostat.link}_wheels', [*(b.name for b in robot.bodies), *robot.joints]),
         parent=gyrostat.body,
         rotation=np.eye(3),
         translation=host.com,
@@ -202,7 +254,7 @@ def _add_ellipsoid(place: ElementTree.Element, body: Body) -> None:
 def _joint(name: str, body: Body, limits: Array, written: _Written) -> ElementTree.Element:
     values = {'armature': body.motor_inertia, **written.joints.get(name, {})}
     attributes = {key: repr(float(value)) for key, value in values.items() if value}
-    if np.all(np.isfinite(limits)):
+    if np.all(np.isfinite(limits)) and limits[0] < limits[1]:
         attributes['range'] = _text(limits)
         attributes['limited'] = 'true'
     kind = 'slide' if body.is_prismatic else 'hinge'
