@@ -186,6 +186,54 @@ def test_messages_without_velocity_or_effort(tmp_path):
     assert '/joint_states: 1 of 2 messages have no velocity: not used' in record.notes
 
 
+def test_a_minority_without_effort_is_left_out(tmp_path):
+    messages = [
+        ('/joint_states', joint_state(k, effort=[] if k % 5 == 1 else None)) for k in range(20)
+    ]
+    record = read_bag(write(tmp_path / 'bag', messages), ROBOT)
+    assert record.joints.stamp_ns.tolist() == [k for k in range(20) if k % 5 != 1]
+    assert record.joints.effort.shape == (16, 3)
+    note = (
+        '/joint_states: 4 of 20 messages lack efforts or velocities that the others have: left out'
+    )
+    assert note in record.notes
+
+
+@pytest.mark.parametrize('apart', [0, 4_000_000], ids=['one stamp', 'by turns'])
+def test_joint_states_in_parts_are_merged_by_stamp(tmp_path, apart):
+    """What a slower publisher says is interpolated; where it pauses there is nothing."""
+    period, messages = 10_000_000, []
+
+    def value(ns, joint):
+        return 1e-9 * ns * (1.0 + joint)
+
+    def part(ns, joints):
+        values = [value(ns, k) for k in joints]
+        return joint_state(ns, [JOINTS[k] for k in joints], values, values, values)
+
+    for k in range(200):
+        messages.append(('/joint_states', part(k * period, [2, 0])))
+        if k >= 10 and k % 2 == 0 and not 100 <= k < 150:
+            messages.append(('/joint_states', part(k * period + apart, [1])))
+    record = read_bag(write(tmp_path / 'bag', messages), ROBOT)
+    stamps = record.joints.stamp_ns
+    own = [k * period + apart for k in range(10, 200, 2) if not 100 <= k < 150]
+    known = [k * period for k in range(200) if own[0] <= k * period <= own[-1]]
+    known = [t for t in known if not (own[44] < t < own[45])]
+    assert stamps.tolist() == known
+    expected = [[value(t, k) for k in range(3)] for t in known]
+    for column in (record.joints.position, record.joints.velocity, record.joints.effort):
+        np.testing.assert_allclose(column, expected, rtol=1e-12)
+    (note,) = (note for note in record.notes if 'merged by stamp' in note)
+    assert note.endswith(f'merged by stamp: {len(known)} samples of all')
+
+
+def test_parts_that_lack_a_joint_are_refused(tmp_path):
+    messages = [('/joint_states', joint_state(k, JOINTS[:2])) for k in range(9)]
+    with pytest.raises(RecordingError, match=f'no usable message: joint names: lacks {JOINTS[2]}'):
+        read_bag(write(tmp_path / 'bag', messages), ROBOT)
+
+
 BAD = {
     'nan': ('/joint_states', joint_state(99, position=[0.0, np.nan, 0.0]),
             'position is not finite'),

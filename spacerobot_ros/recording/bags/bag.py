@@ -26,7 +26,10 @@ from ..series import InputSeries
 from ..tables.units import INPUTS, SI_UNITS
 from .bag_storage import StoredMessages, read_messages
 from .message_types import decoded
+from .partial_states import merged
 
+MINORITY = 0.25
+"""Share of messages up to which those without what the others have are left out."""
 LATE_LIMIT = 10  # messages in a row behind the newest stamp: more is a clock that jumped back
 _TYPES = {
     'joints': 'sensor_msgs/msg/JointState',
@@ -67,6 +70,7 @@ class _Channel:
         effort_units: (n,) N m of one unit of effort of each joint.
         in_amperes: Joints whose efforts stay currents [A].
         held: Joints that do not move, which messages may have or not.
+        parts: Stamps and rows of messages with some of the joints, by their columns.
         may_lack_positions: Whether some joints may say NaN throughout, wheels on a fixed base.
     """
 
@@ -80,6 +84,7 @@ class _Channel:
     effort_units: Array | float = 1.0
     in_amperes: tuple[str, ...] = ()
     held: frozenset[str] = frozenset()
+    parts: dict[tuple[int, ...], list[tuple[int, Array]]] = field(default_factory=dict)
     may_lack_positions: bool = False
 
     def reject(self, reason: object, count: int = 1) -> None:
@@ -129,11 +134,14 @@ def read_bag(path: str | Path, robot: Robot | None, topics: Topics | None = None
         channel = channels[kind]
         try:
             message = decoded(msgtype, data, with_package=False)
+            if kind == 'joints' and robot is not None and _takes_part(message, channel):
+                continue
             row = _row(kind, message, channel, None if robot is None else robot.base_link)
             channel.stamps.append(messages.stamp_ns(message.header.stamp))
             channel.rows.append(row)
         except MessageRejectedError as error:
             channel.reject(error)
+    _with_parts(joints)
     record = replace(_build(path, channels, stored.notes), description=description)
     if robot is None or robot.thrusters or 'thrusters' not in record.inputs:
         return record
@@ -184,6 +192,43 @@ def _row(kind: str, message: Any, channel: _Channel, base_link: str | None) -> A
         channel.names = names
         return _stacked(columns, len(names), missing=(0.0, 0.0, np.nan))
     return _joint_row(message, channel)
+
+
+def _takes_part(message: Any, channel: _Channel) -> bool:
+    """Whether a message has some of the joints; its row is kept then."""
+    given = set(message.name)
+    own = tuple(k for k, name in enumerate(channel.names) if name in given)
+    if not 0 < len(own) < len(channel.names):
+        return False
+    names = [channel.names[k] for k in own]
+    columns = messages.joint_columns(
+        message, names, 'position', 'velocity?', 'effort?', others=True, partly=True
+    )
+    row = np.full((3, len(channel.names)), np.nan)
+    row[:, own] = _stacked(columns, len(own), missing=(np.nan, np.nan, np.nan))
+    kept = channel.parts.setdefault(own, [])
+    kept.append((messages.stamp_ns(message.header.stamp), row))
+    return True
+
+
+def _with_parts(channel: _Channel) -> None:
+    """Take joint states in parts for whole ones, where most are in parts; else they are bad."""
+    count = sum(map(len, channel.parts.values()))
+    every = {
+        own: (np.array([stamp for stamp, _ in part]), np.array([row for _, row in part]))
+        for own, part in channel.parts.items()
+    }
+    whole = merged(every) if count > MINORITY * (count + len(channel.rows)) else None
+    if whole is None:
+        for own, part in channel.parts.items():
+            lacking = (name for k, name in enumerate(channel.names) if k not in own)
+            channel.reject(f'joint names: lacks {", ".join(lacking)}', len(part))
+        return
+    if channel.rows:
+        channel.reject('has all joints, where most have some', len(channel.rows))
+    channel.stamps, channel.rows = whole[0].tolist(), list(whole[1])
+    how = f'{counted(count, "message")} with some of the joints, merged by stamp'
+    channel.remarks[f'{how}: {counted(len(channel.rows), "sample")} of all'] = None
 
 
 def _joint_row(message: Any, channel: _Channel) -> Array:
@@ -273,8 +318,20 @@ def _check_clock(place: str, stamps: IntArray) -> None:
 def _joint_series(
     channel: _Channel, stamps: IntArray, rows: Array, notes: list[str]
 ) -> JointSeries:
-    """Joint series; a joint's velocity or effort is absent unless every message has it."""
+    """Joint series; a joint's velocity or effort is absent where more than few messages lack it.
+
+    Those few are left out.
+    """
     columns: dict[str, Any] = {}
+    lacking = np.isnan(rows[:, 1:])
+    share = np.mean(lacking, axis=0)
+    few = np.any(lacking & (share > 0.0) & (share <= MINORITY), axis=(1, 2))
+    if few.any():
+        notes.append(
+            f'{channel.topic}: {int(few.sum())} of {len(rows)} messages lack efforts or '
+            'velocities that the others have: left out'
+        )
+        stamps, rows = stamps[~few], rows[~few]
     for k, name in enumerate(('velocity', 'effort'), start=1):
         missing = np.isnan(rows[:, k])
         absent = missing.any(axis=0)
