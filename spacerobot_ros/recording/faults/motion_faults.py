@@ -20,7 +20,15 @@ from numpy.typing import NDArray
 from ...types import Array
 from ..record import Record
 from .signals import Pair, agree, base_pair, clock_jumps, disagree, joint_pair, turned, turns
-from .thresholds import DEAD_TURN, EXTREME, MOVED, DataFault, in_lines
+from .thresholds import (
+    COMMON,
+    DEAD_TURN,
+    EXTREME,
+    MOVED,
+    OWN_SCALE,
+    DataFault,
+    in_lines,
+)
 
 DEGREES = 180.0 / np.pi
 _FACTORS = {
@@ -149,9 +157,35 @@ def _joint_slips(names: tuple[str, ...], pair: Pair) -> Iterator[DataFault]:
             message = f'columns of {names[i]} and {names[j]} are exchanged'
             yield DataFault('exchanged', 'joint_rate', message)
             wrong = [k for k in wrong if k not in (i, j)]
-    for i in wrong:
-        place = f'joint_rate/{names[i]}'
-        yield from _factor(place, 'positions', moved[i], integrated[i])
+    slips = [
+        fault
+        for i in wrong
+        for fault in _factor(f'joint_rate/{names[i]}', 'positions', moved[i], integrated[i])
+    ]
+    yield from slips or _clock_factor(pair)
+
+
+def _clock_factor(pair: Pair) -> Iterator[DataFault]:
+    """The factor by which all rates miss the derivatives of positions: that of the clock.
+
+    Sensors of several joints have no scale in common; one joint may.
+    """
+    rms = np.sqrt(np.mean(pair.moved**2, axis=0))
+    moves = (rms > MOVED) & np.any(pair.integrated, axis=0)
+    moved, integrated = pair.moved[:, moves], pair.integrated[:, moves]
+    factors = np.sum(moved * integrated, axis=0) / np.sum(integrated**2, axis=0)
+    if len(factors) < 2 or np.min(factors) <= 0.0:
+        return
+    factor = float(np.median(factors))
+    is_common = np.max(np.abs(factors / factor - 1.0)) < COMMON
+    is_all = all(agree(m, factor * i) for m, i in zip(moved.T, integrated.T, strict=True))
+    if not (is_common and is_all and abs(np.log(factor)) > OWN_SCALE):
+        return
+    message = (
+        f'all rates are {1.0 / factor:.3g} times the derivative of the positions: is the clock off '
+        f'by that factor? Scale its stamps by {factor:.3g}, or the rates'
+    )
+    yield DataFault('clock', 'joints', message)
 
 
 def _factor(place: str, others: str, moved: Array, integrated: Array) -> tuple[DataFault, ...]:

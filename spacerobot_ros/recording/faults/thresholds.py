@@ -23,6 +23,8 @@ FEWEST_WINDOWS = 3  # fewer agree by chance
 MOST_WINDOWS = 2000  # no more are looked at: they cost time and add nothing
 EXTREME = 5.0  # standard deviations: noise is beyond them in 1 of 1000 times `MOST_WINDOWS`
 MOVED = 3e-3  # rad rms in a window; below it noise passes for disagreement where no slip is named
+COMMON = 0.05  # by which factors of joints may differ that are the clock's: scales of sensors
+OWN_SCALE = 0.15  # logarithm of a factor up to which it may be a cause: rates that are filtered
 
 # Dynamics: measured efforts against the model's torques.
 UNLIKE = 0.02  # share of a joint's torque that the model doesn't explain: less is no slip (14 %)

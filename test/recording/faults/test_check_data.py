@@ -134,6 +134,14 @@ JOINT_FAULTS = {
         'the clock jumps by 3.01 s',
     ),
     'milliseconds for seconds': (lambda r: slowed(r, 1000), 'the stamps are not in seconds'),
+    'stamps that run too fast': (
+        lambda r: slowed(r, 2),
+        'all rates are 2 times the derivative of the positions: is the clock off by that factor?',
+    ),
+    'stamps that run too slowly': (
+        lambda r: chosen(r, {'stamp_ns': (0.8 * r.joints.stamp_ns).astype(int)}),
+        'factor? Scale its stamps by 1.25, or the rates',
+    ),
     'too few': (lambda r: part(r, 30), 'has 30 samples'),
     'too short': (lambda r: part(r, 100), 'a diagnosis needs 2 s or more'),
     'no joints': (lambda r: replace(r, joints=None), '/joint_states: is missing'),
