@@ -182,8 +182,8 @@ def _clock_factor(pair: Pair) -> Iterator[DataFault]:
     if not (is_common and is_all and abs(np.log(factor)) > OWN_SCALE):
         return
     message = (
-        f'all rates are {1.0 / factor:.3g} times the derivative of the positions: is the clock off '
-        f'by that factor? Scale its stamps by {factor:.3g}, or the rates'
+        f'all rates are {1.0 / factor:.3g} times the derivative of the positions: is the clock '
+        f'off by that factor? Scale its stamps by {factor:.3g}, or the rates'
     )
     yield DataFault('clock', 'joints', message)
 
