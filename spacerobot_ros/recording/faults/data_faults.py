@@ -19,6 +19,7 @@ from .motion_faults import dead_base, find_faults
 from .signals import clock_faults, torn_positions
 from .thresholds import FEWEST_SAMPLES, DataFault, in_lines
 from .torque_faults import find_torque_faults
+from .wheel_faults import wheel_faults
 
 
 def check_data(record: Record, robot: Robot) -> None:
@@ -49,6 +50,7 @@ def data_faults(record: Record, robot: Robot | None) -> tuple[str, ...]:
         tuple(torn_positions(record)),
         (*_dead_joints(record.joints), *dead_base(record)),
         find_faults(record),
+        () if robot is None else wheel_faults(record, robot),
         () if robot is None else find_torque_faults(record, robot),
         tuple(extra_faults(record)),
     ):
