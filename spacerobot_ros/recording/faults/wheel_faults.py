@@ -58,10 +58,9 @@ def _momenta(record: Record, robot: Robot, wheel_time: Array, rates: Array) -> t
     ends = (record.rate_time[-1], wheel_time[-1], *record.joint_time[-1:])
     time = record.attitude_time
     inside = np.flatnonzero((time >= max(starts)) & (time <= min(ends)))
-    at = (
-        inside[np.linspace(0, len(inside) - 1, limits.ROWS).astype(int)] if len(inside) else inside
-    )
-    time, matrices = time[at], record.attitude[at].as_matrix()
+    at = inside[np.linspace(0, len(inside) - 1, min(limits.ROWS, len(inside))).astype(int)]
+    rotations = scipy.spatial.transform.Rotation.from_quat(record.attitude_xyzw[at])
+    time, matrices = time[at], rotations.as_matrix()
     q = qd = np.zeros((len(time), robot.n_joints))
     if robot.n_joints and record.qd is not None:
         q, qd = (interpolated(time, record.joint_time, x) for x in (record.q, record.qd))

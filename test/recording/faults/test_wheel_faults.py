@@ -12,6 +12,7 @@ from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.recording.faults.data_faults import data_faults
 from spacerobot_ros.recording.faults.wheel_faults import wheel_faults
 from spacerobot_ros.recording.record import AttitudeSeries, JointSeries, RateSeries, Record
+from spacerobot_ros.recording.robot_inputs import in_robot_order
 
 WHEELS = ('w_x', 'w_y', 'w_z')
 AXIAL, RPM = 0.02, 30.0 / np.pi
@@ -45,7 +46,7 @@ def record_of(robot, factors, seconds=20.0):
     names = tuple(f'j_{wheel}' for wheel in WHEELS)
     wheels = JointSeries(names, stamps, np.zeros_like(spins), spins * factors)
     rates, attitudes = RateSeries(stamps, omega), AttitudeSeries(stamps, rotation.as_quat())
-    return Record(None, rates, attitudes, wheels=wheels)
+    return in_robot_order(Record(None, rates, attitudes, wheels=wheels), robot)
 
 
 @pytest.mark.parametrize(
