@@ -5,8 +5,9 @@ Along the measured motion the model asks for the torques
     tau = H(q) q'' + c(q, q', omega)                     # base eliminated; docs/equations.md
 
 Where the measured efforts are unlike it and one slip of a data sheet makes them alike, that slip
-is named. Both are judged twice: as they are, and with friction and bias allowed for. What no slip
-explains is left to the diagnosis.
+is named. Both are judged three times: as they are, with friction and bias allowed for, and beside
+unknown momenta of captured wheels and bodies that are a quarter off, too. What no slip explains is
+left to the diagnosis.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from ...dynamics.equations import joint_torques
 from ...model.robot import Robot
@@ -95,7 +97,7 @@ def find_torque_faults(record: Record, robot: Robot) -> tuple[DataFault, ...]:
     turned = np.array([slip.weight is not None for slip in slips])
     nearer = shares[:, 1].mean(axis=1) < limits.NEARER * before[1].mean()
     shares[turned & ~nearer] = np.inf
-    for way in range(2):
+    for way in range(len(before)):
         best = int(np.argmin(shares[:, way].mean(axis=1)))
         if _explains(before[way], shares[best, way]):
             return (slips[best].fault,)
@@ -119,6 +121,7 @@ class _Torques:
         omega: (K, 3) base rate [rad/s].
         model: (K, n) torques that the model asks for [N m].
         friction: (n, K, 3) orthonormal, of each joint's bias and friction.
+        unsure: (n, K, C) torques of what the model may be off by, and (C,) at most.
     """
 
     robot: Robot
@@ -127,6 +130,8 @@ class _Torques:
     omega: Array
     model: Array
     friction: Array
+    unsure: Array
+    most: Array
 
     @staticmethod
     def of(record: Record, robot: Robot) -> _Torques | None:
@@ -152,13 +157,15 @@ class _Torques:
         position, rate, acceleration = motion
         model = joint_torques(robot, position, rate, acceleration, omega[rows])
         friction = np.stack([_span_of(_others(rate)) for rate in motion[1].T])
-        return _Torques(robot, motion, torque, omega[rows], model, friction)
+        unsure, most = _unsure(robot, motion, omega[rows], model)
+        return _Torques(robot, motion, torque, omega[rows], model, friction, unsure, most)
 
     def unlike(self, slip: _Slip) -> Array:
-        """(2, n) share of each joint's torque that the model does not explain, the slip undone.
+        """(3, n) share of each joint's torque that the model does not explain, the slip undone.
 
-        As it is, and with friction and bias taken out of both; none of a joint at rest, which
-        friction holds under any torque.
+        As it is, with friction and bias taken out of both, and beside what is unsure; none of a
+        joint at rest, which friction holds under any torque. Where positions are others what is
+        unsure is not asked.
         """
         measured = slip.undone(self.effort, effort=True)
         model = self._model(slip)
@@ -176,7 +183,24 @@ class _Torques:
         beside = self.friction[order]  # of any factor of the rate, friction spans the same
         both = both.transpose(1, 0, 2)
         rest = both - beside @ (np.swapaxes(beside, 1, 2) @ both)
-        return np.stack([_differences(both), _differences(rest)]) * self.moves
+        beside_all = np.full(len(self.moves), np.inf)
+        if slip.keeps_motion and not slip.gravity:
+            beside_all = _differences(self._beside_unsure(rest, beside))
+        return np.where(self.moves, [_differences(both), _differences(rest), beside_all], 0.0)
+
+    def _beside_unsure(self, pairs: Array, beside: Array) -> Array:
+        """(n, K, 2) the same with what is unsure added to the model, as far as the efforts want.
+
+        Every joint counts by its own torque; bodies have bounds.
+        """
+        unsure = self.unsure - beside @ (np.swapaxes(beside, 1, 2) @ self.unsure)
+        scale = np.maximum(np.sqrt(np.mean(np.max(pairs**2, axis=2), axis=1)), 1e-12)
+        weight = (self.moves / scale)[:, None, None]
+        columns, wanted = unsure * weight, (pairs[..., 1] - pairs[..., 0]) * weight[..., 0]
+        flat, most = columns.reshape(-1, len(self.most)), self.most
+        found = scipy.optimize.lsq_linear(flat, wanted.ravel(), (-most, most), method='bvls')
+        shift = unsure @ found.x
+        return np.stack([pairs[..., 0] + shift, pairs[..., 1]], axis=2)
 
     def _model(self, slip: _Slip) -> Array:
         """(K, n) torques that the model asks for, the slip undone."""
@@ -238,6 +262,35 @@ class _Torques:
             yield _Slip(DataFault('gravity', 'joint_torque', message), weight=gravity)
 
 
+def _unsure(robot: Robot, motion: Array, omega: Array, model: Array) -> tuple[Array, Array]:
+    """(n, K, C) torques of what the model may be off by, and (C,) by how much of it.
+
+    Momenta of captured wheels, by any; every body, by a share; gravity, by a tilt.
+    """
+    columns, most = list[Array](), list[float]()
+
+    def add(changed: Robot, step: float, limit: float) -> None:
+        torque = joint_torques(changed, motion[0], motion[1], motion[2], omega)
+        columns.append((torque - model) / step)
+        most.append(limit)
+
+    known = np.concatenate([np.zeros(0), *(g.momentum for g in robot.target_wheels)])
+    for unit in np.eye(len(known)):
+        add(robot.with_target_momentum(known + unit), 1.0, np.inf)
+    rows, gravity = robot.inertial_parameters, robot.gravity
+    for k in range(1, len(rows)):
+        grown = rows.copy()
+        grown[k] *= 1.0 + _STEP
+        add(robot.with_inertial_parameters(grown), _STEP, limits.BODY_OFF)
+    for unit in np.eye(3) if gravity.any() and not robot.is_free else ():
+        tilt = limits.TURNED * float(np.linalg.norm(gravity))
+        add(replace(robot, gravity=gravity + unit), 1.0, tilt)
+    return np.stack(columns, axis=2).transpose(1, 0, 2), np.array(most)
+
+
+_STEP = 1e-3  # of a body, for what it adds; on a free base that is not quite linear
+
+
 def _span(step: float) -> int:
     """Samples that are smoothed together, an odd number."""
     return 2 * max(2, round(0.5 * limits.SPAN / step)) + 1
@@ -283,8 +336,13 @@ def _gravity_slips(kinds: tuple[str, ...]) -> Iterator[_Slip]:
 
 def _slips(robot: Robot) -> Iterator[_Slip]:
     """Every slip that is tried, the efforts' own first."""
-    for factor, size in ((1000.0, 'large'), (1e-3, 'small')):
-        message = f'a thousand times too {size} for this robot: {robot.unit_of("N m")} expected'
+    for factor, times in (
+        (1000.0, 'a thousand times too large'),
+        (1e-3, 'a thousand times too small'),
+        (100.0, 'a hundred times too large'),
+        (1e-2, 'a hundred times too small'),
+    ):
+        message = f'{times} for this robot: {robot.unit_of("N m")} expected'
         yield _Slip(DataFault('scale', 'joint_torque', message), effort=factor)
     message = 'all efforts are of the wrong sign'
     yield _Slip(DataFault('sign', 'joint_torque', message), effort=-1.0)

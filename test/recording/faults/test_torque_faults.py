@@ -222,3 +222,27 @@ def test_smoothed_is_the_filter_of_savitzky_and_golay(span, rng):
     found = smoothed(values, rows, span, step) * step ** np.arange(3.0)[:, None, None]
     # numbers of one and below, whose windows of cubics are conditioned like span^3
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+
+
+WRONG = {
+    'signs': ({'effort': -1.0}, 'all efforts are of the wrong sign'),
+    'a sign': ({'effort': flip(3, 1)}, 'of the wrong sign'),
+    'mN m': ({'effort': 1000.0}, 'a thousand times too large'),
+    'x 100': ({'effort': 100.0}, 'a hundred times too large'),
+    'exchanged': ({'effort_order': [1, 0, 2]}, 'joint_1 and joint_2 are exchanged'),
+}
+
+
+@pytest.mark.parametrize('slip', WRONG)
+def test_slips_are_named_beside_unknown_wheels_and_bodies_that_are_a_quarter_off(known, slip):
+    record, model = known['servicer']
+    changes, words = WRONG[slip]
+    wheels = np.concatenate([g.momentum for g in model.target_wheels])
+    unknown = model.with_target_momentum(0.0 * wheels)
+    lighter = unknown.with_inertial_parameters(
+        model.inertial_parameters * np.array([1.0, 0.8, 1.25, 0.8])[:, None]
+    )
+    for believed in (unknown, lighter):
+        assert find_torque_faults(record, believed) == ()
+        (fault,) = find_torque_faults(changed(record, **changes), believed)
+        assert words in fault.message
