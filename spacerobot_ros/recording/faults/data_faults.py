@@ -15,9 +15,9 @@ from ...formats import counted
 from ...model.robot import Robot
 from ..record import JointSeries, Record
 from .extras import extra_faults
-from .motion_faults import dead_base, find_faults
+from .motion_faults import DEGREES, dead_base, find_faults
 from .signals import clock_faults, torn_positions
-from .thresholds import FEWEST_SAMPLES, DataFault, in_lines
+from .thresholds import BEYOND, FAR_BEYOND, FEWEST_SAMPLES, DataFault, in_lines
 from .torque_faults import find_torque_faults
 from .wheel_faults import wheel_faults
 
@@ -50,6 +50,7 @@ def data_faults(record: Record, robot: Robot | None) -> tuple[str, ...]:
         tuple(torn_positions(record)),
         (*_dead_joints(record.joints), *dead_base(record)),
         find_faults(record),
+        () if robot is None else tuple(_in_degrees(record, robot)),
         () if robot is None else wheel_faults(record, robot),
         () if robot is None else find_torque_faults(record, robot),
         tuple(extra_faults(record)),
@@ -108,3 +109,21 @@ def _dead_joints(joints: JointSeries | None) -> Iterator[DataFault]:
     for name in np.array(joints.names)[(np.ptp(joints.effort, axis=0) == 0.0) & ~still & driven]:
         message = 'never changes although the joint moves'
         yield DataFault('constant', f'joint_torque/{name}', message)
+
+
+def _in_degrees(record: Record, robot: Robot) -> Iterator[DataFault]:
+    """Positions far beyond the limits of the URDF, all of which are within them as degrees."""
+    turns = np.array([robot.unit_of('rad', joint) == 'rad' for joint in robot.arm], dtype=bool)
+    largest = np.max(np.abs(robot.position_limits[: len(turns)]), axis=1)
+    known = turns & np.isfinite(largest) & (largest > 0.0)
+    if record.joints is None or not known.any():
+        return
+    reach = np.max(np.abs(record.q), axis=0)[known] / largest[known]
+    if np.max(reach) > FAR_BEYOND and np.all(reach < BEYOND * DEGREES):
+        worst = int(np.argmax(reach))
+        limit = float(largest[known][worst])
+        message = (
+            f'positions reach {reach[worst] * limit:.3g} rad, the limits of the URDF are '
+            f'{limit:.3g} rad: degrees instead of radians?'
+        )
+        yield DataFault('scale', f'joints/{np.array(robot.arm)[known][worst]}', message)

@@ -24,6 +24,7 @@ MOST_WINDOWS = 2000  # no more are looked at: they cost time and add nothing
 EXTREME = 5.0  # standard deviations: noise is beyond them in 1 of 1000 times `MOST_WINDOWS`
 MOVED = 3e-3  # rad rms in a window; below it noise passes for disagreement where no slip is named
 COMMON = 0.05  # by which factors of joints may differ that are the clock's: scales of sensors
+FAR_BEYOND, BEYOND = 5.0, 1.05  # of a limit: no encoder's zero is off by so much; what is within
 OWN_SCALE = 0.15  # logarithm of a factor up to which it may be a cause: rates that are filtered
 
 # Dynamics: measured efforts against the model's torques.

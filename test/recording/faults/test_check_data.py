@@ -301,3 +301,15 @@ CAUSES = {
 def test_a_physical_cause_is_no_fault(tmp_path, cause):
     case = generate('servicer', CAUSES[cause], folder=tmp_path, seed=8, duration=3.0)
     assert data_faults(case.data, load_robot_file(case.robot).robot) == ()
+
+
+def test_degrees_are_seen_by_the_limits_without_any_effort(tmp_path):
+    """Nothing else contradicts them where rates are in degrees, too."""
+    case = generate('servicer', folder=tmp_path, seed=9, duration=3.0)
+    robot = load_robot_file(case.robot).robot
+    limited = replace(robot, position_limits=np.tile([-2.9, 2.9], (robot.n_joints, 1)))
+    bare = chosen(case.data, {'effort': None})
+    assert data_faults(bare, limited) == ()
+    wrong = chosen(joints(case.data, position=DEGREES, velocity=DEGREES), {'effort': None})
+    (line,) = data_faults(wrong, limited)
+    assert 'rad, the limits of the URDF are 2.9 rad: degrees instead of radians?' in line
