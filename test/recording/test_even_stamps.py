@@ -1,10 +1,13 @@
 """Stamps that scatter about an even clock are its own; of samples taken unevenly they stay."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from spacerobot_ros.recording.faults.even_stamps import with_even_stamps
 from spacerobot_ros.recording.record import JointSeries, RateSeries, Record, to_stamps
+from spacerobot_ros.recording.series import InputSeries
 from spacerobot_ros.recording.tables.sample_clock import parted
 
 PERIOD = 0.01
@@ -104,3 +107,29 @@ def test_too_few_samples_say_nothing_and_each_sensor_has_its_own_clock(rng):
     even = with_even_stamps(both)
     assert even.rates is both.rates  # taken when stamped
     assert even.joints is not both.joints
+
+
+@pytest.mark.parametrize('size', [3, 10])
+@pytest.mark.parametrize('lost', [(), range(1200, 1260)], ids=['whole', 'with a pause'])
+def test_bursts_of_a_buffer_are_put_on_its_even_clock(rng, size, lost):
+    """The newest sample of a burst is stamped when it is read, the others just before."""
+    reads = EVEN[size - 1 :: size]
+    within = 1e-4 * (np.arange(size) - size + 1)
+    late = 1e-3 * rng.standard_normal(len(reads))
+    stamped = (reads + late)[:, None] + within
+    sampled = EVEN[: stamped.size]
+    record = record_of(stamped.ravel(), sampled, rng, lost)
+    same = {'extra/oil': InputSeries(('oil',), record.joints.stamp_ns, record.q[:, :1], ('K',))}
+    even = with_even_stamps(replace(record, inputs=same))
+    assert f'stamps come in bursts of {size} about an even clock' in even.notes[0]
+    kept = sampled[~np.isin(np.arange(len(sampled)), lost)]
+    off = 1e-9 * (even.joints.stamp_ns - 10**18) - kept
+    assert np.max(np.abs(off)) < 2e-4  # 5 deviations of the mean of 300 late readings
+    np.testing.assert_array_equal(even.inputs['extra/oil'].stamp_ns, even.joints.stamp_ns)
+
+
+def test_stamps_in_bursts_of_no_even_clock_stay(rng):
+    """Samples that were really taken three at a time are no smoother at even times."""
+    stamped = (0.03 * np.arange(1000)[:, None] + 1e-4 * np.arange(3)).ravel()
+    record = record_of(stamped, stamped, rng)
+    assert with_even_stamps(record) is record
