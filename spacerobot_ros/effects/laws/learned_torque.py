@@ -189,7 +189,8 @@ class LearnedTorque(FormulaForce):
 
     def _dragged(self, motion: Motion) -> Array | None:
         """(N,) rate against which it is friction [rad/s]; None where it is none."""
-        if self.guard.kind != 'dissipative' and not self.guard.react:
+        is_of_both = self.guard.kind == 'coupled' and bool(self.guard.react)
+        if self.guard.kind != 'dissipative' and not is_of_both:
             return None
         own = motion.qd[:, motion.column(self.where)]
         others = (r * motion.qd[:, motion.column(k)] for k, r in self.guard.react.items())
