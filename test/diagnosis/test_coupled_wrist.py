@@ -44,10 +44,11 @@ def test_without_that_cause_both_joints_confirm_one_law(monkeypatch):
     record = coupled(RealArm(11).record(0, duration=12.0))
     answer = diagnose(record, file.robot, file.effects, few)
     assert not answer.causes
-    (law,) = (entry.applied for entry in answer.leftover if entry.form)
-    assert {str(law.where), law.react} == {'joint_5', 'joint_6'}
-    assert law.form.name == 'sign(x + y), x + y'
-    assert -sum(law.coefficients) == pytest.approx(DRY + WET, rel=0.15)
+    (entry,) = (entry for entry in answer.leftover if entry.form)
+    law = entry.applied
+    assert {str(law.where), *law.guard.react} == {'joint_5', 'joint_6'}
+    assert entry.form == 'sign(x + y), x + y'
+    assert -sum(law.values.values()) == pytest.approx(DRY + WET, rel=0.15)
 
 
 @pytest.mark.parametrize('is_coupled', [True, False])

@@ -65,7 +65,7 @@ def found_with(*chosen, hidden=asymmetric):
 
 def test_friction_is_not_shared_out_with_a_law_that_has_its_terms(found):
     """Half of a Coulomb friction went to the law, with a deviation of ten times its size."""
-    law = Law(FORMS['sign(x), x, |x|'], ('rate/joint_3',), 2.0, 'friction', 'friction')
+    law = Law(FORMS['sign(x), x, abs(x)'], ('rate/joint_3',), 2.0, 'friction', 'friction')
     motions = ArmMotions(found.fit.rows, found.extended)
     fitted, (number,) = with_laws(found, [candidate_of(law, JOINT, motions)])
     named = {effect.id: next(iter(effect.values.values())) for effect in fitted.named}
@@ -84,7 +84,7 @@ def test_a_law_of_dry_friction_takes_nothing_of_a_friction_with_a_history():
     """One was 0.94 +- 0.07 N m where 0.52 was right: the law had taken the rest back."""
     history = 'joint_presliding_friction'
     searched = found_with(history, SLIDING)
-    law = Law(FORMS['sign(x), x, |x|'], ('rate/joint_3',), 2.0, 'friction', 'friction')
+    law = Law(FORMS['sign(x), x, abs(x)'], ('rate/joint_3',), 2.0, 'friction', 'friction')
     motions = ArmMotions(searched.fit.rows, searched.extended)
     fitted, (number,) = with_laws(searched, [candidate_of(law, JOINT, motions)])
     (at,) = (i for i in searched.fit.chosen if searched.fit.rows.candidates[i].kind.id == history)
@@ -99,7 +99,7 @@ def test_a_law_of_the_load_goes_with_the_whole_torque_of_its_motor():
     searched = found_with(DRY, SLIDING, hidden=lambda rate, load: GROWTH * load**2 * np.sign(rate))
     searched = replace(searched, named=tuple(searched.fit.effects(searched.fit.chosen)))
     law = Law(
-        FORMS['y^2 sign(x)'], ('rate/joint_3', 'load/joint_3'), 3.0, 'friction', 'dissipative'
+        FORMS['y**2*sign(x)'], ('rate/joint_3', 'load/joint_3'), 3.0, 'friction', 'dissipative'
     )
     motions = ArmMotions(searched.fit.rows, searched.extended)
     fitted, (number,) = with_laws(searched, [candidate_of(law, JOINT, motions)])

@@ -42,7 +42,7 @@ def test_noise_that_grows_with_the_rate_is_told_by_its_likelihood(colour, loud):
     )
     channel = JointChannel(ArmMotions(rows, rows.balances), 2, ())
     assert channel.likeliest([]).loud == loud
-    drag = Law(FORMS['x |x|'], ('rate/joint_3',), 1.5, 'drag', 'dissipative')
+    drag = Law(FORMS['x*abs(x)'], ('rate/joint_3',), 1.5, 'drag', 'dissipative')
     assert channel.likeliest([drag]).loud == loud
 
 
@@ -93,8 +93,8 @@ def test_what_a_free_cause_nearly_is_is_no_law_of_others(bend):
     ],
 )
 def test_laws_of_other_variables_that_do_as_well_are_a_doubt(rivals, doubt):
-    laws = tuple((Law(FORMS['x y'], i, 3.0, '', 'external'), gap) for i, gap in rivals.items())
-    law = Law(FORMS['x y'], ('rate/a', 'rate/b'), 3.0, '', 'external')
+    laws = tuple((Law(FORMS['x*y'], i, 3.0, '', 'external'), gap) for i, gap in rivals.items())
+    law = Law(FORMS['x*y'], ('rate/a', 'rate/b'), 3.0, '', 'external')
     assert Winner(law, np.zeros((1, 1)), 9.0, 1e-9, laws).doubt == pytest.approx(doubt)
 
 
@@ -118,7 +118,7 @@ def test_laws_of_one_joint_are_asked_of_others_together(alike):
     """
     rng = np.random.default_rng(4)
     first, second, noise, *more = rng.standard_normal((5, COUNT))
-    every = {('x', 'angle/a'): first, ('x^3', 'angle/a'): second}
+    every = {('x', 'angle/a'): first, ('x**3', 'angle/a'): second}
     for (form, _), column, own in zip(list(every), (first, second), more, strict=True):
         every[form, 'angle/b'] = alike * column + np.sqrt(1.0 - alike**2) * own
     terms = SpectralTerms(
@@ -130,7 +130,7 @@ def test_laws_of_one_joint_are_asked_of_others_together(alike):
         for law, c in zip(search.laws, search.channel.columns(search.laws), strict=True)
     ]
     steps = settled(search, wrong[2:])
-    assert [step.law.form.name for step in steps] == ['x', 'x^3']
+    assert [step.law.form.name for step in steps] == ['x', 'x**3']
     if alike < 0.9:
         assert [step.law.inputs for step in steps] == [('angle/a',)] * 2
         assert [step.doubt for step in steps] == [0.0, 0.0]
@@ -218,7 +218,7 @@ def test_directions_of_many_groups_are_those_of_each(rng):
 ])  # fmt: skip
 def test_a_part_of_a_sine_gives_way_to_a_polynomial_that_does_as_well(m, way, gap, is_plain):
     """Whole periods were seen, or a gap that tells them apart: the sine stays."""
-    forms = [(SINE, {'m': m}), ('beyond(x)', {}), (PLAIN, {})]
+    forms = [(SINE, {'m': m}), ('min(x, lower) - lower, max(x, upper) - upper', {}), (PLAIN, {})]
     laws = [Law(FORMS[n], ('angle/a',), 2.5, n, 'potential', o) for n, o in forms]
     extent = Extent({'a': 1.0}, {'a': 0.0}, {'a': way}, 10.0)
     search = SimpleNamespace(laws=laws, channel=SimpleNamespace(extent=extent))

@@ -4,22 +4,17 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+from support.laws import law_entry
+
 from spacerobot_ros.diagnosis.discovery.other_recording import unmeasured_inputs, unshared_extras
 from spacerobot_ros.effects.catalogue import bind_effects
 from validation.hidden.real_arm import arm_file
 
 
 def law_of(*inputs):
-    entry = {
-        'effect': 'learned_torque',
-        'where': 'joint_2',
-        'form': 'x, x y' if len(inputs) == 2 else 'x',
-        'inputs': list(inputs),
-        'coefficients': [-1.0] * len(inputs),
-        'range': {name: [-1.0, 1.0] for name in inputs},
-        'limit': 2.0,
-        'kind': 'external',
-    }
+    form = 'x, x*y' if len(inputs) == 2 else 'x'
+    extra = {'temp': {'unit': 'degC', 'typical': 0.0}} if len(inputs) == 2 else None
+    entry = law_entry(form, inputs, [-1.0] * len(inputs), 'joint_2', extra=extra)
     return bind_effects({'warm': entry}, arm_file().robot)
 
 

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.campaigns import missed
+from support.laws import law_entry
 
-from spacerobot_ros.effects.catalogue import bind_effect
+from spacerobot_ros.effects.catalogue import bind_effects
 from spacerobot_ros.effects.motion import Motion
 from validation.campaigns import CAMPAIGNS
 from validation.hidden.discovery_campaign import HeldArm, beyond, results, trials
@@ -19,7 +20,7 @@ from validation.hidden.real_arm import COULOMB
 MOVING = ('joint_1', 'joint_2')
 
 
-def said(form='x |x|', *depends_on, channel='joint_1', rivals=()):
+def said(form='x*abs(x)', *depends_on, channel='joint_1', rivals=()):
     shares = {'p': 1e-9, 'held_out': 0.5, 'placebo': 0.0, 'rivals': [list(r) for r in rivals]}
     return {'channel': channel, 'depends_on': list(depends_on), 'form': form, **shares}
 
@@ -63,27 +64,21 @@ def test_a_law_has_the_size_that_was_asked_for(law):
 def test_what_a_law_does_beyond_its_data():
     """Without limits drag is nine times as large, and takes energy."""
     arm = HeldArm(2, '', 0.0, 'white')
-    entries = {
-        'form': 'x |x|',
-        'inputs': ['rate/joint_1'],
-        'coefficients': [-2.0],
-        'range': {'rate/joint_1': [-100.0, 100.0]},
-        'limit': 1e6,
-        'kind': 'dissipative',
-    }
-    law = bind_effect('drag', 'learned_torque', 'joint_1', entries, arm.file.robot)
+    guard = {'range': {'rate/joint_1': [-100.0, 100.0]}, 'limit': 1e6, 'kind': 'dissipative'}
+    entry = law_entry('x*abs(x)', ['rate/joint_1'], [-2.0], 'joint_1', **guard)
+    (law,) = bind_effects({'drag': entry}, arm.file.robot)
     moving = np.sin(np.linspace(0.0, 10.0, 500))[:, None] * np.ones(arm.file.robot.n_joints)
     motion = Motion(arm.file.robot, np.linspace(0.0, 10.0, 500), moving, moving, 0.0 * moving)
     size, fed = beyond([law], motion)
     assert size == pytest.approx(9.0)
     assert fed == 0.0
-    pushing = replace(law, coefficients=(2.0,), kind='external')
+    pushing = replace(law, values={'c1': 2.0}, guard=replace(law.guard, kind='external'))
     assert beyond([pushing], motion) == (pytest.approx(9.0), 0.0)  # no friction, which is asked
     assert beyond([], motion) is None
 
 
 def test_scores_are_of_variables():
-    right = record(said('x |x|', 'rate/joint_1'))
+    right = record(said('x*abs(x)', 'rate/joint_1'))
     wrong = record(said('x', 'rate/joint_2'))
     taken = record(named=[('joint_viscous_friction', 'joint_1')])
     clean = [record(law=''), record(said(None, 'time'), law=''), record(said('x', 'a'), law='')]
@@ -123,7 +118,7 @@ def test_a_cause_counts_by_its_variables_and_where_it_holds():
 
 
 def test_learned_laws_count_beyond_their_data():
-    right = said('x |x|', 'rate/joint_1')
+    right = said('x*abs(x)', 'rate/joint_1')
     learned = [record(right, beyond=[1.4, 0.0]), record(right, beyond=[1.6, 0.01]), record(right)]
     scores = results(learned)['discovery']
     (beyond_data,) = scores['applied']

@@ -144,7 +144,7 @@ def beyond(laws: Sequence[Effect], motion: Motion) -> tuple[float, float] | None
     for law in laws:
         here, there = (law.force(m, law.driven(m)) for m in (motion, fast))
         sizes.append(float(np.max(np.abs(there)) / np.max(np.abs(here))))
-        if isinstance(law, LearnedTorque) and (law.kind == 'dissipative' or law.react):
+        if isinstance(law, LearnedTorque) and (law.guard.kind == 'dissipative' or law.guard.react):
             power = np.sum(there * fast.rates, axis=1)
             given = np.sum(power) if law.hidden else np.sum(np.maximum(power, 0.0))
             fed.append(max(0.0, float(given)) / max(float(np.sum(np.abs(power))), 1e-300))

@@ -69,10 +69,10 @@ def _is_own(effect: Effect, joint: str) -> bool:
 
 
 def _is_friction(law: Effect, joint: str) -> bool:
-    """Whether a learned law is of the rate of the joint at which it acts, or of its history."""
-    if law.where != joint or not isinstance(law, LearnedTorque) or law.react:
+    """Whether a learned law is of the rate of the joint at which it acts."""
+    if law.where != joint or not isinstance(law, LearnedTorque) or law.guard.react:
         return False
-    return law.form.has_history or f'rate/{joint}' in law.inputs
+    return 'rate' in law.formula.quantities
 
 
 def _offset(found: ArmFound, joint: str, coulomb: float) -> float:

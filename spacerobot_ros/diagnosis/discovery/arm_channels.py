@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...effects.laws.law_inputs import input_of
+from ...effects.laws.grammar import input_of
 from ...estimation.balance.arm_levels import leftover_level
 from ...estimation.balance.arm_priors import COUPLED, DRY, friction_of
 from ...estimation.balance.arm_rows import ArmRows

@@ -196,7 +196,7 @@ def leftover_of(
         form=form.name,
         coefficients=coefficients,
         resembles=it.law.resembles,
-        kind=it.law.kind if applied is None else applied.kind,
+        kind=it.law.kind if applied is None else applied.guard.kind,
         p_value=it.step.p_value,
         share=it.left_out.inside,
         held_out_gain=it.left_out.share,

@@ -11,7 +11,6 @@ from ...effects.effect import Effect
 from ...effects.laws.grammar import quantity
 from ...effects.laws.learned_torque import LearnedTorque
 from ...effects.motion import Motion
-from ...estimation.balance.arm_priors import DRY, is_kind_of
 from ...estimation.balance.balance import rms
 from ..answer.result import Leftover
 from ..arms.arm_found import WORSE, ArmFound, without_harm
@@ -143,19 +142,13 @@ def _applied(
     motions: ArmMotions,
     replaced: Mapping[str, tuple[int, ...]],
 ) -> tuple[ArmFound, list[Leftover]]:
-    """All of them fitted with the causes; what feeds energy in or makes a joint worse is left.
-
-    So is a history beside dry friction that is named and has none: it is the same friction before
-    it slides, and would take most of what has a name. Beside friction that gives way before it
-    slides it says that this has more than one displacement.
-    """
+    """All of them fitted with the causes; what feeds energy in or makes a joint worse is left."""
     joints = motions.rows.robot.joints
     alone = [candidate_of(it.law, joints.index(it.place), motions) for it in accepted]
     gone = {i for it in accepted for i in replaced[it.place]}
     candidates = _coupled(found, accepted, alone, motions, gone)
     pairs = [(it, c) for it, c in zip(accepted, candidates, strict=True) if c is not None]
     before = rms(found.extended)
-    named = {e.where for e in found.named if is_kind_of(e, DRY) and not e.hidden}
     along = [balance.motion for balance in motions.balances]
     several = len(motions.rows.balances) > 1
     refused: list[Leftover] = []
@@ -174,7 +167,6 @@ def _applied(
         is_refused = (fitted.ratios > WORSE).any()
         is_out = [
             law is None
-            or (law.form.has_history and it.place in named)
             or worse[joints.index(it.place)]
             or is_refused
             or fitted.fit.chance(i) >= NO_CHANCE
@@ -183,7 +175,7 @@ def _applied(
         entries = [
             leftover_of(
                 it,
-                free.coefficients,
+                tuple(free.values.values()),
                 fitted.fit.spread(i),
                 motions.rows.robot,
                 applied=None if out else law,
@@ -253,9 +245,13 @@ def _sane(
     if not feeds_energy(law, along):
         return law
     beside = friction.get(str(law.where), ())
-    if law.form.has_history or feeds_energy(law, along, beside):
+    if feeds_energy(law, along, beside):
         return None
-    return replace(law, kind='external')
+    return _of_kind(law, 'external')
+
+
+def _of_kind(law: LearnedTorque, kind: str) -> LearnedTorque:
+    return replace(law, guard=replace(law.guard, kind=kind))
 
 
 def feeds_energy(
@@ -268,11 +264,9 @@ def feeds_energy(
         motions: Of the recordings.
         beside: Other friction of the same joint.
     """
-    if law.form.has_history:
-        return law.coefficients[0] >= 0.0
-    if law.kind != 'dissipative':
+    if law.guard.kind != 'dissipative':
         return False
-    every = [replace(law, kind='external'), *beside]
+    every = [_of_kind(law, 'external'), *beside]
     given, taken = 0.0, 0.0
     for motion in motions:
         force = np.sum([e.force(motion, e.driven(motion)) for e in every], axis=0)

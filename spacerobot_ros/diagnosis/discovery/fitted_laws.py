@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from ...effects.effect import Effect
-from ...effects.laws.learned_torque import LearnedTorque, law_at
+from ...effects.laws.dimensions import is_unit
+from ...effects.laws.formula_entry import Formula
+from ...effects.laws.grammar import LawUnits, formula_name
+from ...effects.laws.learned_torque import Guard, LearnedTorque, law_at
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.arm_rows_about import about_model
 from ...estimation.columns import Candidate
 from ...model.machine import machine_of
+from ...recording.robot_inputs import EXTRA
 from ...types import Array, BoolArray
 from ..arms.arm_found import ArmFound
 from ..arms.arms import levels_of
@@ -41,34 +46,35 @@ class LawCandidate(Candidate):
     law: LearnedTorque | None = None
 
     def values(self, coefficients: Array) -> dict[str, float]:
-        """Coefficients by number."""
-        return {str(k): float(c) for k, c in enumerate(coefficients)}
+        """Coefficients by name."""
+        return dict(zip(self.directions[0], map(float, coefficients), strict=True))
 
     def applied(self, values: Mapping[str, float]) -> Effect:
         """The law with given coefficients."""
         if self.law is None:
             raise ValueError('a candidate without a law')
-        return replace(self.law, coefficients=tuple(values.values()))
+        return replace(self.law, values=dict(values))
 
 
 def candidate_of(law: Law, j: int, motions: ArmMotions, react: str = '') -> LawCandidate:
     """A law at joint j as a candidate, its sizes in proportion to what is missed there."""
     rows = motions.rows
-    joint = rows.robot.joints[j]
-    count = len(law.form.powers)
-    free = LearnedTorque(
-        name=f'learned_torque_{joint}',
-        where=joint,
-        values={},
-        form=law.form,
-        inputs=law.inputs,
-        coefficients=(0.0,) * count,
-        range=motions.ranges(law, j),
+    robot, joint = rows.robot, rows.robot.joints[j]
+    names = [f'c{k}' for k in range(1, 1 + len(law.form.powers))]
+    ranges = {formula_name(n, joint): ends for n, ends in motions.ranges(law, j).items()}
+    guard = Guard(
+        range=ranges,
         limit=math.inf,
         kind='external',
-        react=react,
-        options=dict(law.options),
-        machine=machine_of(rows.robot.urdf),
+        react={react: law.form.ratio} if react else {},
+        machine=machine_of(robot.urdf),
+    )
+    free = law_at(
+        name=f'learned_torque_{joint}',
+        where=joint,
+        values=dict.fromkeys(names, 0.0),
+        formula=Formula.read('learned_torque', joint, _entry(law, j, motions), 'law'),
+        guard=guard,
     )
     missed = float(np.sqrt(np.mean(rows.joints[j].torque ** 2)))
     values = [law.form(motions.inputs(law, run), law.options) for run in range(len(rows.balances))]
@@ -78,15 +84,31 @@ def candidate_of(law: Law, j: int, motions: ArmMotions, react: str = '') -> LawC
         where=joint,
         variant={},
         directions=tuple(
-            {str(i): float(s) if i == k else 0.0 for i in range(count)}
-            for k, s in enumerate(sizes.tolist())
+            {name: s * (name == own) for name in names}
+            for own, s in zip(names, sizes.tolist(), strict=True)
         ),
         steps=sizes,
         sizes=sizes,
-        lower=np.full(count, -np.inf),
-        upper=np.full(count, 0.0 if law.form.has_history else np.inf),
+        lower=np.full(len(names), -np.inf),
+        upper=np.full(len(names), np.inf),
         law=free,
     )
+
+
+def _entry(law: Law, j: int, motions: ArmMotions) -> dict[str, Any]:
+    """The formula of a law at joint j as in a robot file."""
+    robot = motions.balances[0].motion.robot
+    joint, bodies = robot.joints[j], zip(robot.joints, robot.bodies[1:], strict=True)
+    measured = {} if robot.inputs is None else robot.inputs.extra
+    known = {n: signal.unit if is_unit(signal.unit) else '' for n, signal in measured.items()}
+    sliding = [name for name, body in bodies if body.is_prismatic]
+    units = LawUnits(joint, robot.unit_of('N m', joint), sliding, known)
+    extra = {
+        own: {'unit': known[own], 'typical': 0.5 * sum(ends)}
+        for name, ends in motions.ranges(law, j).items()
+        if name.startswith(EXTRA) and (own := name.removeprefix(EXTRA))
+    }
+    return {**law.form.entry(law.inputs, law.options, units), 'extra': extra}
 
 
 def applied_law(law: Law, free: LearnedTorque, motions: ArmMotions) -> LearnedTorque:
@@ -97,8 +119,7 @@ def applied_law(law: Law, free: LearnedTorque, motions: ArmMotions) -> LearnedTo
         torque = free.force(motion, np.zeros((len(motion), 0)))[:, 6 + j]
         moving = balance.arm.is_moving[:, j]  # in some recordings it may stand
         largest = max(largest, float(np.max(np.abs(torque[moving]), initial=0.0)))
-    entries = {f.name: getattr(free, f.name) for f in fields(free)}
-    return law_at(**{**entries, 'kind': law.kind, 'limit': LARGEST_LAW * largest})
+    return replace(free, guard=replace(free.guard, kind=law.kind, limit=LARGEST_LAW * largest))
 
 
 def with_laws(

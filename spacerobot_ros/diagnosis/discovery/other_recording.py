@@ -90,8 +90,8 @@ def unmeasured_inputs(effects: Iterable[Effect], records: Sequence[Record]) -> t
         f'effects.{law.name}: the recording has no {name}, on which this law depends: it is taken '
         f'to be in the middle of its range all along (`extra` of a mapping names its column)'
         for law in laws
-        for name in law.inputs
-        if name.startswith(EXTRA) and not all(name in record.inputs for record in records)
+        for name in (EXTRA + extra for extra, _ in law.formula.extra)
+        if not all(name in record.inputs for record in records)
     )
 
 

@@ -18,7 +18,6 @@ from ...types import Array
 
 _PER_TURN = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)
 _BENDS = (0.03, 0.1, 0.3)  # of the 95 % rate
-_DISPLACEMENTS = (2e-3, 6e-3, 0.02, 0.06)  # rad
 _WARM_UP = (0.1, 0.3, 1.0)  # of the record's length
 _STOPS = (0.1, 0.2, 0.3)  # of the range, at either end
 _SWEEPS = (0.0, 4.0, -4.0, 8.0, -8.0, 16.0, -16.0, 32.0, -32.0)  # of sines of the time, 1/T^2
@@ -27,12 +26,12 @@ _SPACING = 0.5
 """Of the resolution 1/T: between two of them a sine keeps 81 % of its square. With 0.75 (63 %) 5
 of 16 slow sweeps were functions of nothing that is measured, now 1 is."""
 _MOST = 1500  # sines of the time: longer records sweep less, then have the low frequencies alone
-REFINED = ('scale', 'displacement')
+REFINED = ('scale',)
 """Options whose values are refined by the likelihood."""
 NO_LAWS = ('inertial', 'clock')
 """Kinds that are none: where they win the leftover is an error of the masses, or follows time."""
 
-SINE, PLAIN = 'sin(m x), cos(m x)', '1, u, u^2, u^3 of u = x - centre'
+SINE, PLAIN = 'sin(m*x), cos(m*x)', '1, x - centre, (x - centre)**2, (x - centre)**3'
 """A torque that goes round, and one that is as smooth, near where the record was."""
 
 
@@ -102,24 +101,24 @@ _OWN_RATE = (
     ('x', 0.0, 'viscous friction'),
     ('sign(x)', 1.0, 'Coulomb friction'),
     ('sign(x), x', 1.0, 'Coulomb and viscous friction'),
-    ('x |x|', 1.5, 'drag'),
-    ('sign(x) sqrt|x|', 2.0, 'friction that grows ever less with the rate'),
-    ('sign(x), x, |x|', 2.0, 'friction that differs between directions'),
-    ('x^3', 2.5, 'friction that grows ever more with the rate'),
+    ('x*abs(x)', 1.5, 'drag'),
+    ('sign(x)*sqrt(abs(x))', 2.0, 'friction that grows ever less with the rate'),
+    ('sign(x), x, abs(x)', 2.0, 'friction that differs between directions'),
+    ('x**3', 2.5, 'friction that grows ever more with the rate'),
 )
 _ANGLE_AND_RATE = (  # x is the rate, y the angle
-    ('sign(x), y sign(x), y^2 sign(x)', 3.0, 'friction that changes with the angle'),
-    ('x, x y, x y^2', 3.5, 'viscous friction that changes with the angle'),
+    ('sign(x), y*sign(x), y**2*sign(x)', 3.0, 'friction that changes with the angle'),
+    ('x, x*y, x*y**2', 3.5, 'viscous friction that changes with the angle'),
 )
 _TURNING_AND_RATE = (
-    ('sign(x), sin(m y) sign(x), cos(m y) sign(x)', 3.0, 'friction that changes with the angle'),
-    ('x, x sin(m y), x cos(m y)', 3.5, 'viscous friction that changes with the angle'),
+    ('sign(x), sin(m*y)*sign(x), cos(m*y)*sign(x)', 3.0, 'friction that changes with the angle'),
+    ('x, x*sin(m*y), x*cos(m*y)', 3.5, 'viscous friction that changes with the angle'),
 )
 _LOAD = (
-    (('rate', 'load'), '|y| sign(x)', 2.0, 'friction in proportion to the load', 'dissipative'),
-    (('rate', 'load'), 'y^2 sign(x)', 3.0, 'friction that grows with the load', 'dissipative'),
-    (('rate', 'load'), 'y |x|', 3.0, 'a gain that changes with the rate', 'gain'),
-    (('load',), 'x |x|', 3.5, 'a gain that changes with the load', 'gain'),
+    (('rate', 'load'), 'abs(y)*sign(x)', 2.0, 'friction in proportion to the load', 'dissipative'),
+    (('rate', 'load'), 'y**2*sign(x)', 3.0, 'friction that grows with the load', 'dissipative'),
+    (('rate', 'load'), 'y*abs(x)', 3.0, 'a gain that changes with the rate', 'gain'),
+    (('load',), 'x*abs(x)', 3.5, 'a gain that changes with the load', 'gain'),
 )
 _OTHER = (  # of another joint alone
     ('rate', 'x', 2.5, 'friction of another joint'),
@@ -135,15 +134,15 @@ _SUMS = (  # x is the joint's own
     ('angle', 'sin(x - y), cos(x - y)', 3.0, 'a load on two angles'),
 )
 _BOTH = (
-    ('rate', 'x y', 3.5, 'a torque of two rates'),
+    ('rate', 'x*y', 3.5, 'a torque of two rates'),
     ('rate', 'x, y', 4.0, 'viscous friction of two joints'),
     ('rate', 'sign(x), y', 4.0, 'friction of two joints'),
 )
-_PRODUCT = 'sin(m y), cos(m y), x sin(m y), x cos(m y)'
+_PRODUCT = 'sin(m*y), cos(m*y), x*sin(m*y), x*cos(m*y)'
 """A product of functions of two angles, as loads on two joints are, where x turns little."""
 _WITH_EXTRA = (  # x is the rate, y is measured beside the motion
-    ('x, x y', 3.0, 'viscous friction that changes with what is measured'),
-    ('sign(x), y sign(x)', 3.0, 'Coulomb friction that changes with what is measured'),
+    ('x, x*y', 3.0, 'viscous friction that changes with what is measured'),
+    ('sign(x), y*sign(x)', 3.0, 'Coulomb friction that changes with what is measured'),
 )
 
 
@@ -166,29 +165,28 @@ def joint_laws(
         name = f'extra/{extra}'
         out += [_law(form, (f'rate/{joint}', name), p, r) for form, p, r in _WITH_EXTRA]
         out.append(_law('x', (name,), 2.5, 'what is measured', 'external'))
-        out.append(_law('x, x^2', (name,), 3.0, 'what is measured', 'external'))
+        out.append(_law('x, x**2', (name,), 3.0, 'what is measured', 'external'))
     return [*out, *_slow_laws(at)]
 
 
 def time_sines(duration: float) -> list[Law]:
-    """The rival of every law: sines and cosines of 2 pi (f t + c t^2 / 2), by their number.
+    """The rival of every law: sines and cosines of w t + s t^2, by their number.
 
     Args:
         duration: T of the record [s].
     """
     frequencies = np.arange(_LOWEST, _HIGHEST, _SPACING / duration)[:_MOST].tolist()
     count = max(1, min(len(_SWEEPS), _MOST // max(len(frequencies), 1)))
-    options = [{'f': f, 'c': c / duration**2} for f in frequencies for c in _SWEEPS[:count]]
+    options = [
+        {'w': 2.0 * math.pi * f, 's': math.pi * c / duration**2}
+        for f in frequencies
+        for c in _SWEEPS[:count]
+    ]
     price = math.log(max(len(options), 1))
     return [Law(_SWEEP, ('time',), price, 'a sine of the time', 'clock', o) for o in options]
 
 
-def _turning(t: Array, f: float, c: float) -> tuple[Array, ...]:
-    angle = 2.0 * math.pi * (f * t + 0.5 * c * t**2)
-    return np.sin(angle), np.cos(angle)
-
-
-_SWEEP = Form('sin, cos of 2 pi (f t + c t^2 / 2)', _turning, ((0,), (0,)))
+_SWEEP = Form('sin(w*x + s*x**2), cos(w*x + s*x**2)', ((0,), (0,)), {'w': (-1,), 's': (-2,)})
 
 
 def _own_laws(joint: str, at: Extent) -> Iterator[Law]:
@@ -197,7 +195,7 @@ def _own_laws(joint: str, at: Extent) -> Iterator[Law]:
         yield _law(form, (v,), price, resembles)
     for share in _BENDS:
         options = {'scale': share * at.fast[joint]}
-        yield _law('sign(x) exp(-(x/scale)^2)', (v,), 2.5, 'Stribeck friction', options=options)
+        yield _law('sign(x)*exp(-(x/scale)**2)', (v,), 2.5, 'Stribeck friction', options=options)
     yield from _angle_laws(q, at.low[joint], at.high[joint])
     for form, price, resembles in _ANGLE_AND_RATE:
         yield _law(form, (v, q), price, resembles)
@@ -209,29 +207,32 @@ def _own_laws(joint: str, at: Extent) -> Iterator[Law]:
     for length in _WARM_UP:
         options = {'scale': length * at.duration}
         yield _law(
-            'x, x exp(-y/scale)', (v, 'time'), 3.5, 'friction that warms up', options=options
+            'x, x*exp(-y/scale)', (v, 'time'), 3.5, 'friction that warms up', options=options
         )
     yield _law('x', (f'acceleration/{joint}',), 2.0, 'an inertial error', 'inertial')
 
 
 def _angle_laws(q: str, low: float, high: float) -> Iterator[Law]:
     middle = {'centre': 0.5 * (low + high)}
-    for form in ('1, u of u = x - centre', '1, u, u^2, u^3 of u = x - centre'):
+    for form in ('1, x - centre', '1, x - centre, (x - centre)**2, (x - centre)**3'):
         yield _law(form, (q,), 1.5, 'a spring', 'potential', middle)
     for m in _PER_TURN:
-        form, options = 'sin(m x), cos(m x)', {'m': m}
+        form, options = 'sin(m*x), cos(m*x)', {'m': m}
         yield _law(form, (q,), 2.5, 'a torque that goes round', 'potential', options)
     for share in _STOPS:
         ends = {'lower': low + share * (high - low), 'upper': high - share * (high - low)}
-        yield _law('beyond(x)', (q,), 3.0, 'a spring near the stops', 'potential', ends)
-    for displacement in _DISPLACEMENTS:
-        options = {'displacement': displacement}
-        yield _law('play(x)', (q,), 3.0, 'dry friction with a history', options=options)
-        yield _law('dahl(x)', (q,), 3.0, 'dry friction with a history', options=options)
+        yield _law(
+            'min(x, lower) - lower, max(x, upper) - upper',
+            (q,),
+            3.0,
+            'a spring near the stops',
+            'potential',
+            ends,
+        )
 
 
 def _shared_laws(joint: str, other: str, at: Extent, *, adds_up: bool) -> Iterator[Law]:
-    spring, q = '1, u of u = x - centre', f'angle/{other}'  # it rests anywhere
+    spring, q = '1, x - centre', f'angle/{other}'  # it rests anywhere
     centre = {'centre': 0.5 * (at.low[other] + at.high[other])}
     yield _law(spring, (q,), 2.5, 'a spring to another joint', 'coupled', centre)
     for what, form, price, resembles in _OTHER:
@@ -247,7 +248,7 @@ def _shared_laws(joint: str, other: str, at: Extent, *, adds_up: bool) -> Iterat
 
 def _slow_laws(at: Extent) -> Iterator[Law]:
     yield _law('x', ('time',), 2.5, 'a drift', 'clock')
-    yield _law('x, x^2', ('time',), 3.0, 'a drift', 'clock')
+    yield _law('x, x**2', ('time',), 3.0, 'a drift', 'clock')
     for length in _WARM_UP:
         yield _law(
             'exp(-x/scale)', ('time',), 4.0, 'a drift', 'clock', {'scale': length * at.duration}

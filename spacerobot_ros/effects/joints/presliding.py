@@ -22,13 +22,16 @@ from ...dynamics.compiling import compiled
 from ...model.robot import Robot
 from ...types import Array
 from ..joint import JointEffect
-from ..laws.hysteresis import SLIDING_ACCELERATION, fastest_share
 from ..motion import Motion
 from ..parameter import amount, searched
 from ..prior import REFINED, Prior, Scale
 
 _DISPLACEMENTS = {'minimum': 1e-5, 'maximum': 1.0}
 _GUESSES = (3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
+_SLIDING_ACCELERATION = 5.0
+"""Acceleration [rad/s^2] with which a joint that starts from rest has the rate sqrt(2 * this * d)
+after the displacement d. Faster ones slide already, and a share, which is stiff there, need not
+follow more than that rate to stay at 1."""
 _ELASTIC = 0.7  # b, as in Dupont et al.: no load below this share makes a joint creep
 
 
@@ -65,7 +68,7 @@ class PreslidingFriction(JointEffect):
     def hidden_rate(self, motion: Motion, hidden: Array) -> Array:
         """Of the share z."""
         rate = motion.qd[:, [motion.column(self.where)]]
-        most = math.sqrt(2.0 * SLIDING_ACCELERATION * self['displacement'])
+        most = math.sqrt(2.0 * _SLIDING_ACCELERATION * self['displacement'])
         sliding = np.clip(rate, -most, most) * (1.0 - np.abs(hidden)) / (1.0 - _ELASTIC)
         is_elastic = (np.abs(hidden) <= _ELASTIC) | (hidden * rate <= 0.0)
         return np.asarray(np.where(is_elastic, rate, sliding) / self['displacement'])
@@ -78,7 +81,8 @@ class PreslidingFriction(JointEffect):
     def fastest(self, robot: Robot) -> float:
         """Of the joint on its contacts, or of contacts that begin to slide."""
         swinging = math.sqrt(self['torque'] * self.mobility(robot) / self['displacement'])
-        return max(swinging, fastest_share(self['displacement']) / (1.0 - _ELASTIC))
+        sliding = math.sqrt(2.0 * _SLIDING_ACCELERATION / self['displacement'])
+        return max(swinging, sliding / (1.0 - _ELASTIC))
 
 
 @compiled

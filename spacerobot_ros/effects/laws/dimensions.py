@@ -72,6 +72,15 @@ def dimension(unit: str, place: str) -> Dimension:
     return tuple(sum((own * power for own, power in words), np.array(PURE)).tolist())
 
 
+def is_unit(unit: str) -> bool:
+    """Whether a text is an SI unit."""
+    try:
+        dimension(unit, '')
+    except ConfigurationError:
+        return False
+    return True
+
+
 def in_words(powers: Dimension) -> str:
     """Base units with their powers."""
     return unit_text(dict(zip(_BASE, powers, strict=True))) or 'pure numbers'

@@ -19,6 +19,7 @@ import numpy as np
 
 from ...errors import ConfigurationError
 from ...types import Array
+from ..joint import direction
 from .dimensions import PURE, Dimension, dimension, in_words
 
 QuantityValues = Mapping[str, Any]
@@ -30,12 +31,13 @@ FUNCTIONS: Mapping[str, tuple[Callable[..., Any], int, str]] = MappingProxyType(
         },
         'sqrt': (np.sqrt, 1, 'root'),
         'abs': (np.abs, 1, 'same'),
-        'sign': (np.sign, 1, 'sign'),
+        'sign': (direction, 1, 'sign'),
         'min': (np.minimum, 2, 'same'),
         'max': (np.maximum, 2, 'same'),
     }
 )
-"""By name: what is computed, of how many numbers, and what becomes of their units."""
+"""By name: what is computed, of how many numbers, and what becomes of their units. A sign is
+smooth, so that friction can be integrated."""
 _OPERATORS: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: np.add,
     ast.Sub: np.subtract,

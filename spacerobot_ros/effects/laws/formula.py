@@ -21,11 +21,8 @@ from ..motion import Motion, mobility
 from ..parameter import Parameter
 from ..sensors.sensor_errors import SensorFault
 from .formula_entry import Formula
-from .formula_quantities import OF_JOINTS, READING, is_axis, parts
-from .law_inputs import AXES, base_axes, quantity_along
+from .quantities import AXES, OF_JOINTS, READING, base_axes, is_axis, parts, quantity_along
 
-_LAW_NAMES = {'position': 'angle', 'effort': 'load'}
-"""Names of learned laws for what formulas call otherwise."""
 _RATES = np.concatenate([[0.0], np.geomspace(1e-4, 10.0, 26)])  # rad/s
 _ANGLES = np.linspace(-np.pi, np.pi, len(_RATES))
 _STEP = 1e-6  # rad/s or rad, of its derivatives
@@ -54,26 +51,34 @@ class FormulaEffect(Effect):
     def read(cls, name: str, where: str | None, given: Mapping[str, Any], place: str) -> Effect:
         """From an entry of a robot file."""
         formula = Formula.read(name, where, given, place)
-        known = {p.name: p for p in formula.parameters}
-        values = {key: p.nominal for key, p in known.items()}
-        for key, value in Formula.values(given).items():
-            at = f'{place}.{key}'
-            if key not in known:
-                has = ', '.join(known) or 'none'
-                raise ConfigurationError(at, f'no such parameter (it has {has})')
-            values[key] = parse_number(value, at)
-            known[key].check(values[key], at, known[key].unit)
+        values = values_of(formula, given, place)
         return _made(formula)(name=name, where=where, values=values)
+
+
+def values_of(formula: Formula, given: Mapping[str, Any], place: str) -> dict[str, float]:
+    """Of a formula's parameters in an entry of a robot file; those left out do nothing."""
+    known = {p.name: p for p in formula.parameters}
+    values = {key: p.nominal for key, p in known.items()}
+    for key, value in Formula.values(given).items():
+        at = f'{place}.{key}'
+        if key not in known:
+            has = ', '.join(known) or 'none'
+            raise ConfigurationError(at, f'no such parameter (it has {has})')
+        values[key] = parse_number(value, at)
+        known[key].check(values[key], at, known[key].unit)
+    return values
 
 
 class WrittenFormula(FormulaEffect):
     """One formula of a robot file."""
 
-    formula: ClassVar[Formula]
+    formula: Formula
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str | None, ...]:
-        """Joints, or axes, where its units fit."""
+        """Joints, or axes, where its units fit; all where each of its kind has another formula."""
+        if not hasattr(cls, 'formula'):
+            return super().places(robot)
         places = robot.arm if cls.formula.is_at_joint else base_axes(robot)
         return tuple(place for place in places if cls._fits(robot, place))
 
@@ -106,7 +111,7 @@ class WrittenFormula(FormulaEffect):
 
     def _evaluated(self, state: Mapping[str, Array]) -> Array:
         """The formula, refused where it is not finite."""
-        out = self.formula(state, self.values)
+        out = self._law(state)
         if not np.isfinite(out).all():
             bad = np.flatnonzero(~np.isfinite(out))
             at = ', '.join(f'{name} {np.ravel(x)[bad[0]]:g}' for name, x in state.items())
@@ -114,13 +119,16 @@ class WrittenFormula(FormulaEffect):
             raise self.refusal(f'{self.formula.text!r} {why}', self.formula.key)
         return out
 
+    def _law(self, state: Mapping[str, Array]) -> Array:
+        """The formula at some states."""
+        return self.formula(state, self.values)
+
     def _quantity(self, what: str, whose: str, motion: Motion, reading: Array | None) -> Array:
         if what == 'extra':
             return self._extra(whose, motion)
         if what == READING and reading is not None:
             return reading
-        found = quantity_along(_LAW_NAMES.get(what, what), whose or str(self.where), motion)
-        return np.asarray(found)
+        return np.asarray(quantity_along(what, whose or str(self.where), motion))
 
     def _extra(self, name: str, motion: Motion) -> Array:
         """What else was measured, as there; its typical value where it was not."""
@@ -131,7 +139,7 @@ class WrittenFormula(FormulaEffect):
             raise self.refusal(why, f'extra.{name}')
         if signal is None:
             return np.full(len(motion), declared.typical)
-        if signal.unit != declared.unit:
+        if declared.unit not in ('', signal.unit):
             why = f'is in {declared.unit!r} here and in {signal.unit!r} in the mapping'
             raise self.refusal(why, f'extra.{name}.unit')
         return motion.extra[name]
@@ -168,15 +176,17 @@ class FormulaForce(WrittenFormula):
 
     def _slope(self, name: str, grid: Array) -> float:
         """Steepest slope by a quantity, the others at rest or anywhere."""
-        law = self.formula
-        trials = law.states()
-        size = len(trials[name])
-        others = {n: np.concatenate([law.states(False)[n], x]) for n, x in trials.items()}
+        others = self._trials()
         state = {n: np.repeat(x, len(grid)) for n, x in others.items()}
-        at = np.tile(grid, 1 + size)
-        ends = [law({**state, name: at + side}, self.values) for side in (-_STEP, _STEP)]
+        at = np.tile(grid, len(others[name]))
+        ends = [self._law({**state, name: at + side}) for side in (-_STEP, _STEP)]
         slope = np.abs(ends[1] - ends[0]) / (2.0 * _STEP)
         return float(np.max(slope[np.isfinite(slope)], initial=0.0))
+
+    def _trials(self) -> dict[str, Array]:
+        """States at which slopes are asked: at rest, and random ones."""
+        rest, others = (self.formula.states(is_random) for is_random in (False, True))
+        return {name: np.concatenate([rest[name], others[name]]) for name in rest}
 
     def _column(self, robot: Robot) -> int:
         """Its component of a generalized force."""

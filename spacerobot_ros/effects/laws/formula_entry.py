@@ -16,7 +16,8 @@ from ...model.schema import FloatList, param, parse_section
 from ...types import Array
 from ..parameter import Parameter
 from .expression import Expression
-from .formula_quantities import (
+from .quantities import (
+    AXES,
     CHANNELS,
     MEASURED,
     OF_BASE,
@@ -31,7 +32,6 @@ from .formula_quantities import (
     parts,
     unit_of,
 )
-from .law_inputs import AXES
 
 KEYS = ('torque', 'force', 'change')
 """What a formula is: a torque, a force, what a sensor says too much."""

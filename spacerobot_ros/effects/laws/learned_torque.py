@@ -1,331 +1,224 @@
-r"""A torque that nobody has named: a form of the grammar with coefficients learned from data.
+r"""A torque that nobody has named: a formula with coefficients learned from data, and a guard.
 
-    tau = sum_k c_k f_k(x, y)
-
-Outside the range of its data it is not known, and inside it is only a fit: inputs stop at the ends
-of the range and a tenth beyond, the torque at a limit, and where it is friction it never pushes.
+Outside the range of its data it is not known, and inside it is only a fit: quantities stop at the
+ends of the range and a tenth beyond, the torque at a limit, and where it is friction it never
+pushes.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
+from ...errors import ConfigurationError
 from ...model.machine import machine_of
 from ...model.robot import Robot
+from ...model.schema import entry, param, parse_number, parse_section
 from ...types import Array
-from ..effect import Effect
 from ..joint import STICTION_RATE
-from ..motion import Motion, mobility
-from .grammar import DAHL, QUANTITIES, Form, quantity
-from .hysteresis import fastest_share, followed, share_rate
-from .law_inputs import AXES, base_axes, is_component, quantity_along
-from .learned_entry import LearnedEntry
-from .table_form import TableForm
+from ..motion import Motion
+from .formula import FormulaForce, values_of
+from .formula_entry import Formula
+from .quantities import OF_JOINTS
 
 KINDS = ('dissipative', 'potential', 'coupled', 'gain', 'external')
 """What a law does with energy: takes it, keeps it, moves it between joints, comes with the motor's
 torque, or brings it from outside."""
 
-_BEYOND = 0.1  # of the width of an input's range
-_OWN = (
-    *('effect', 'where', 'form', 'inputs', 'coefficients'),
-    *('range', 'limit', 'kind', 'react', 'machine'),
-)
-_ELSEWHERE = 'a law that was learned on another robot does not hold here'
+_BEYOND = 0.1  # of the width of a quantity's range
+_ROUNDING, _TRIALS = 1e-9, 16
+
+
+def _ranges(given: Any, place: str) -> dict[str, tuple[float, float]]:
+    """Smallest and largest, by quantity."""
+    if not isinstance(given, Mapping):
+        raise ConfigurationError(place, 'expected {quantity: [smallest, largest]}')
+    out = {}
+    for name, ends in given.items():
+        at = f'{place}.{name}'
+        if not isinstance(ends, list | tuple) or len(ends) != 2:
+            raise ConfigurationError(at, f'expected two numbers, got {ends!r}')
+        low, high = (float(parse_number(end, at)) for end in ends)
+        if not low < high:
+            raise ConfigurationError(at, f'expected [smallest, largest], got {list(ends)}')
+        out[str(name)] = (low, high)
+    return out
+
+
+def _ratios(given: Any, place: str) -> dict[str, float]:
+    if not isinstance(given, Mapping) or len(given) > 1:
+        raise ConfigurationError(place, 'expected {joint: ratio} of one joint')
+    return {str(joint): parse_number(r, f'{place}.{joint}') for joint, r in given.items()}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Guard:
+    """What keeps a learned law within its data.
+
+    Args:
+        range: Of the data, by quantity of the formula: smallest and largest.
+        limit: Largest torque [N m].
+        kind: One of `KINDS`.
+        react: A joint and r, where it is friction of rate + r rate[joint] that acts on that joint,
+            too, with r times its torque.
+        machine: On which it was learned, see `machine_of`; empty: nobody says.
+    """
+
+    range: Mapping[str, tuple[float, float]] = entry(_ranges)
+    limit: float = param(above=0.0)
+    kind: str = param(choices=KINDS)
+    react: Mapping[str, float] = field(default_factory=dict, metadata={'parse': _ratios})
+    machine: str = param('')
+
+    def entry(self) -> dict[str, Any]:
+        """As in a robot file."""
+        ranges = {name: [low, high] for name, (low, high) in self.range.items()}
+        own = {'range': ranges, 'react': dict(self.react)}
+        every = {f.name: own.get(f.name, getattr(self, f.name)) for f in fields(self)}
+        return {key: value for key, value in every.items() if value}
 
 
 @dataclass(frozen=True, kw_only=True)
-class LearnedTorque(Effect):
-    """tau = sum of c_k f_k(inputs) at a joint, or about an axis of the free base.
+class LearnedTorque(FormulaForce):
+    """tau = f(quantities) at a joint, or about an axis of the free base, within a guard.
 
     Typical: a few percent to all of the torque that a catalogue leaves unexplained.
-    Signature: whatever the data had; `depends_on` of the diagnosis says which inputs.
+    Signature: whatever the data had; `depends_on` of the diagnosis says which quantities.
     Source: docs/discovery.md.
 
     Args:
-        form: Function of the inputs.
-        inputs: Their names, such as `rate/joint_2`.
-        coefficients: One a column of the form.
-        range: Of the data, by input: smallest and largest.
-        limit: Largest torque [N m].
-        kind: One of `KINDS`.
-        react: The joint that the same friction of a sum of rates acts on, too; empty: none.
-        options: What the form is not linear in.
-        machine: On which it was learned, see `machine_of`; empty: nobody says.
+        formula: Of quantities; its values are coefficients.
+        guard: What keeps it within its data.
     """
 
     id = 'learned_torque'
     title = 'a torque learned from data'
     group = 'learned'
-    parameters = ()
     follows_load = True  # it may
     is_fitted = False  # the catalogue's search is not how it is found
 
-    form: Form | TableForm
-    inputs: tuple[str, ...]
-    coefficients: tuple[float, ...]
-    range: Mapping[str, tuple[float, float]]
-    limit: float
-    kind: str
-    react: str = ''
-    options: Mapping[str, float] = field(default_factory=dict)
-    machine: str = ''
-
-    @classmethod
-    def places(cls, robot: Robot) -> tuple[str | None, ...]:
-        """Every manipulator joint, and the axes of a free base."""
-        return (*robot.arm, *base_axes(robot))
+    formula: Formula
+    guard: Guard
 
     @classmethod
     def read(
         cls, name: str, where: str | None, given: Mapping[str, Any], place: str
     ) -> LearnedTorque:
         """From an entry of a robot file."""
-        entry = LearnedEntry(given, place)
-        form = entry.form()
-        out: dict[str, Any] = {
-            'name': name,
-            'where': where,
-            'values': {},
-            'form': form,
-            'inputs': entry.texts('inputs'),
-            'coefficients': entry.numbers('coefficients') if isinstance(form, Form) else (1.0,),
-            'range': entry.ranges(),
-            'limit': entry.number('limit'),
-            'kind': str(given.get('kind', '')),
-            'react': entry.one('react'),
-            'options': {option: entry.number(option) for option in form.parameters},
-            'machine': str(given.get('machine', '')),
-        }
-        entry.refuse_others((*_OWN, *form.parameters, *form.keys))
-        return law_at(**out)
+        own = {key: value for key, value in given.items() if key != 'guard'}
+        formula = Formula.read(cls.id, where, own, place)
+        if formula.key != 'torque':
+            raise ConfigurationError(f'{place}.{formula.key}', 'a learned law is a torque')
+        guard = parse_section(Guard, given.get('guard', {}), f'{place}.guard')
+        values = values_of(formula, own, place)
+        return law_at(name=name, where=where, values=values, formula=formula, guard=guard)
 
     def entry(self) -> dict[str, Any]:
         """As in a robot file."""
-        ranges = {key: [float(low), float(high)] for key, (low, high) in self.range.items()}
-        coefficients = [float(c) for c in self.coefficients]
-        return {
-            **self.form.entry(),
-            'inputs': list(self.inputs),
-            **({'coefficients': coefficients} if isinstance(self.form, Form) else {}),
-            **{name: float(value) for name, value in self.options.items()},
-            'range': ranges,
-            'limit': float(self.limit),
-            'kind': self.kind,
-            **({'react': [self.react]} if self.react else {}),
-            **({'machine': self.machine} if self.machine else {}),
-        }
+        formula = {key: value for key, value in self.formula.entry().items() if key != 'law'}
+        return {**formula, **self.values, 'guard': self.guard.entry()}
 
     def check(self, robot: Robot) -> None:
-        """Inputs of this robot, numbers that fit the form, friction that does not push."""
-        if self.machine and self.machine != machine_of(robot.urdf):
-            why = f'{_ELSEWHERE}: the joints of this URDF are others (delete `machine` if not)'
-            raise self.refusal(why, 'machine')
-        if self.kind not in KINDS:
-            raise self.refusal(f'expected one of {", ".join(KINDS)}, got {self.kind!r}', 'kind')
-        if len(self.inputs) != self.form.inputs:
-            why = f'{self.form.name!r} takes {self.form.inputs}, got {len(self.inputs)}'
-            raise self.refusal(why, 'inputs')
-        for name in self.inputs:
-            self._check_input(name, robot)
-        if isinstance(self.form, Form) and len(self.coefficients) != len(self.form.powers):
-            why = f'{self.form.name!r} takes {len(self.form.powers)}, got {len(self.coefficients)}'
-            raise self.refusal(why, 'coefficients')
-        if not 0.0 < self.limit < math.inf:
-            raise self.refusal(f'{self.limit:g} N m must be above 0', 'limit')
-        if self.form.has_history and self.coefficients[0] > 0.0:
-            raise self.refusal('friction that pushes: must be at most 0', 'coefficients')
-        for option, value in self.options.items():
-            if option in ('displacement', 'scale') and value <= 0.0:
-                raise self.refusal(f'{value:g} must be above 0', option)
-        self._check_kind()
+        """Quantities of this robot, units that fit, and a kind that is true of the formula."""
+        guard, names = self.guard, set(self.formula.quantities)
+        if guard.machine and guard.machine != machine_of(robot.urdf):
+            why = (
+                'a law that was learned on another robot does not hold here: the joints of this '
+                'URDF are others (delete `machine` if not)'
+            )
+            raise self.refusal(why, 'guard.machine')
+        super().check(robot)
+        for name in sorted(names ^ set(guard.range)):
+            why = 'expected [smallest, largest]' if name in names else 'the formula has no such'
+            raise self.refusal(why, f'guard.range.{name}')
+        if guard.kind == 'potential' and names != {'position'}:
+            raise self.refusal('a potential depends on its own position alone', 'guard.kind')
+        if guard.react and not self._is_of_a_sum():
+            joint, ratio = self._reacting
+            why = f'the formula is no friction of rate + {ratio:g} rate[{joint}]'
+            raise self.refusal(why, 'guard.react')
 
-    def _check_kind(self) -> None:
-        """What a kind says of energy holds of some inputs alone."""
-        own, angle = f'rate/{self.where}', f'angle/{self.where}'
-        if self.form.has_history and self.inputs != (angle,):
-            why = f'a history is of the angle of its own joint: expected [{angle}]'
-            raise self.refusal(why, 'inputs')
-        if self.kind == 'potential' and set(self.inputs) != {angle}:
-            raise self.refusal(f'a potential depends on {angle} alone', 'inputs')
-        both = {own, f'rate/{self.react}'}
-        if self.react and (not self.form.ratio or set(self.inputs) != both or len(both) < 2):
-            why = f'{self.react!r} is no joint whose rate {self.form.name!r} adds to {own}'
-            raise self.refusal(why, 'react')
-        if stray := next((name for name in self.range if name not in self.inputs), ''):
-            raise self.refusal('no input is called so', f'range.{stray}')
+    def _is_of_a_sum(self) -> bool:
+        """Whether the law is one of rate + r rate[joint] alone: f(x - r t, y + t) = f(x, y)."""
+        (joint, ratio), rng = self._reacting, np.random.default_rng(0)
+        other = f'rate[{joint}]'
+        if joint == self.where or set(self.formula.quantities) != {'rate', other}:
+            return False
+        x, y, t = rng.uniform(-STICTION_RATE, STICTION_RATE, (3, _TRIALS))
+        before = self.formula({'rate': x, other: y}, self.values)
+        after = self.formula({'rate': x - ratio * t, other: y + t}, self.values)
+        return bool(np.max(np.abs(after - before)) <= _ROUNDING * np.max(np.abs(before)))
 
-    def _check_input(self, name: str, robot: Robot) -> None:
-        what, whose = quantity(name)
-        if what not in (*QUANTITIES, 'extra'):
-            known = ', '.join((*QUANTITIES, 'extra'))
-            raise self.refusal(f'{name!r}: no such quantity (known: {known})', 'inputs')
-        if what in ('rate', 'angle', 'load', 'acceleration') and whose not in robot.arm:
-            raise self.refusal(f'{name!r}: this robot has no such joint; {_ELSEWHERE}', 'inputs')
-        if what in ('attitude', 'base_rate') and not robot.is_free:
-            raise self.refusal(f'{name!r}: the base is fixed; {_ELSEWHERE}', 'inputs')
-        if not is_component(what, whose):
-            raise self.refusal(f'{name!r}: no such component', 'inputs')
-        low, high = self.range.get(name, (math.nan, math.nan))
-        if not low < high:
-            why = 'expected [smallest, largest] of every input'
-            raise self.refusal(why, f'range.{name}')
+    @property
+    def _reacting(self) -> tuple[str, float]:
+        return next(iter(self.guard.react.items()))
 
     @property
     def is_known_ahead(self) -> bool:
         """Whether a controller may feed it forward along a reference."""
-        quantities = {quantity(name)[0] for name in self.inputs}
-        is_own = self.kind != 'external' and (self.kind != 'coupled' or bool(self.react))
-        return is_own and quantities <= {'rate', 'angle', 'load'}
+        kind = self.guard.kind
+        is_own = kind != 'external' and (kind != 'coupled' or bool(self.guard.react))
+        return is_own and self.formula.kinds <= set(OF_JOINTS)
 
     def force(self, motion: Motion, hidden: Array) -> Array:
         """The torque at its place, and on the joint that reacts."""
-        torque = self.torque(motion, hidden)
-        out = motion.joint_force(self.where, torque)
-        if self.react:
-            out += motion.joint_force(self.react, self.form.ratio * torque)
+        out = super().force(motion, hidden)
+        for joint, ratio in self.guard.react.items():
+            out += motion.joint_force(joint, ratio * out[:, self._column(motion.robot)])
         return out
 
-    def torque(self, motion: Motion, hidden: Array) -> Array:
+    def value(self, motion: Motion, reading: Array | None = None) -> Array:
         """(N,) [N m], saturated and without what friction can not do."""
-        columns = self.form(list(self._clipped(motion)), self.options)
-        raw = columns @ np.array(self.coefficients)
-        torque = np.clip(raw, -self.limit, self.limit)
-        rate = self._dragged(motion)
+        limit, rate = self.guard.limit, self._dragged(motion)
+        torque = np.clip(super().value(motion, reading), -limit, limit)
         return torque if rate is None else np.where(torque * rate > 0.0, 0.0, torque)
 
-    @cached_property
-    def _sources(self) -> tuple[tuple[str, str], ...]:
-        return tuple(quantity(name) for name in self.inputs)
-
-    @cached_property
-    def _bounds(self) -> tuple[Array, Array]:
-        """(K, 1) each: what inputs are taken for beyond the range of their data."""
-        low, high = np.array([self.range[name] for name in self.inputs], dtype=float).T[..., None]
-        margin = _BEYOND * (high - low)
-        return low - margin, high + margin
-
-    def _clipped(self, motion: Motion) -> Array:
-        """(K, N) inputs; of one that nobody measures here the middle of its data."""
-        low, high = self._bounds
-        given = np.empty((len(low), len(motion)))
-        for k, source in enumerate(self._sources):
-            known = quantity_along(*source, motion)
-            given[k] = 0.5 * (low[k] + high[k]) if known is None else known
-        return np.minimum(np.maximum(given, low), high)
+    def _law(self, state: Mapping[str, Array]) -> Array:
+        """The formula, its quantities held within their data."""
+        ends = self.guard.range
+        held = {}
+        for name, values in state.items():
+            low, high = ends.get(name, (-math.inf, math.inf))
+            margin = _BEYOND * (high - low) if name in ends else 0.0
+            held[name] = np.clip(values, low - margin, high + margin)
+        return super()._law(held)
 
     def _dragged(self, motion: Motion) -> Array | None:
         """(N,) rate against which it is friction [rad/s]; None where it is none."""
-        if self.kind == 'dissipative':
-            return motion.qd[:, motion.column(self.where)]
-        if self.kind == 'coupled' and self.react:
-            own, other = (motion.qd[:, motion.column(j)] for j in (self.where, self.react))
-            return np.asarray(own + self.form.ratio * other)
-        return None
+        is_of_both = self.guard.kind == 'coupled' and bool(self.guard.react)
+        if self.guard.kind != 'dissipative' and not is_of_both:
+            return None
+        own = motion.qd[:, motion.column(self.where)]
+        others = (r * motion.qd[:, motion.column(k)] for k, r in self.guard.react.items())
+        return np.asarray(sum(others, own))
 
     def fastest(self, robot: Robot) -> float:
-        """Decay rate and natural frequency where the law is steepest."""
-        easy = self._mobility(robot) * (4.0 if self.react else 1.0)  # both joints at once, at most
-        steepest = {'rate': 0.0, 'angle': 0.0}
-        for name in self.inputs:
-            what = quantity(name)[0]
-            if what in steepest:
-                steepest[what] = max(steepest[what], self._slope(name))
-        return max(steepest['rate'] * easy, math.sqrt(steepest['angle'] * easy))
+        """Decay rate and natural frequency where the law is steepest; of both joints at most."""
+        return super().fastest(robot) * (4.0 if self.guard.react else 1.0)
 
-    def _mobility(self, robot: Robot) -> float:
-        return mobility(robot, 6 + robot.joints.index(str(self.where)))
-
-    def _slope(self, name: str) -> float:
-        """Steepest slope by an input, the others at their ends and in the middle."""
-        low, high = self.range[name]
-        fine = np.linspace(-5.0 * STICTION_RATE, 5.0 * STICTION_RATE, 101)
-        inside = np.sort(np.concatenate([np.linspace(low, high, 401), fine]))
-        steepest = 0.0
-        for share in (0.0, 0.5, 1.0):
-            inputs = [
-                inside if other == name else np.full(len(inside), (1.0 - share) * a + share * b)
-                for other, (a, b) in ((n, self.range[n]) for n in self.inputs)
-            ]
-            torque = self.form(inputs, self.options) @ np.array(self.coefficients)
-            slopes = np.abs(np.diff(torque)) / np.maximum(np.diff(inside), 1e-12)
-            steepest = max(steepest, float(np.max(slopes)))
-        return steepest
-
-    def of(self, coefficients: Sequence[float], limit: float | None = None) -> LearnedTorque:
-        """The same law with other numbers."""
-        size = self.limit if limit is None else limit
-        return replace(self, coefficients=tuple(float(c) for c in coefficients), limit=size)
+    def _trials(self) -> dict[str, Array]:
+        """Both ends of the data, and their middle."""
+        shares = np.array([0.0, 0.5, 1.0])
+        return {n: low + shares * (high - low) for n, (low, high) in self.guard.range.items()}
 
 
-@dataclass(frozen=True, kw_only=True)
-class LearnedHysteresis(LearnedTorque):
-    """Friction with a history: its state is limited, it gives back no more than it took."""
-
-    hidden = 1
-    is_known_ahead = True
-
-    def torque(self, motion: Motion, hidden: Array) -> Array:
-        """The mobilised share of the torque."""
-        size = min(abs(self.coefficients[0]), self.limit)
-        return -size * np.clip(hidden[:, 0], -1.0, 1.0)
-
-    def hidden_rate(self, motion: Motion, hidden: Array) -> Array:
-        """Of the share."""
-        rate = motion.qd[:, [motion.column(self.where)]]
-        is_dahl = self.form.name == DAHL
-        return share_rate(rate, hidden, self.options['displacement'], is_dahl=is_dahl)
-
-    def driven(self, motion: Motion) -> Array:
-        """Share along the joint's angles, exactly."""
-        return self.form([motion.q[:, motion.column(self.where)]], self.options)
-
-    def followed(self, robot: Robot, own: Array, before: Array, after: Array) -> Array:
-        """The share at the end of the way."""
-        column, displacement = robot.joints.index(str(self.where)), self.options['displacement']
-        way = np.array([before[column], after[column]])
-        is_dahl = self.form.name == DAHL
-        return np.array([followed(way, displacement, is_dahl=is_dahl, start=own[0])[-1]])
-
-    def fastest(self, robot: Robot) -> float:
-        """Of the joint on its contacts, or of contacts that begin to slide."""
-        displacement = self.options['displacement']
-        swing = math.sqrt(abs(self.coefficients[0]) * self._mobility(robot) / displacement)
-        return max(swing, fastest_share(displacement))
-
-
-@dataclass(frozen=True, kw_only=True)
 class LearnedBaseTorque(LearnedTorque):
     """A torque about an axis of the free base, from outside."""
 
     is_external = True
 
-    def force(self, motion: Motion, hidden: Array) -> Array:
-        """The torque on the base."""
-        out = motion.zeros()
-        out[:, 3 + AXES.index(str(self.where)[-1])] = self.torque(motion, hidden)
-        return out
-
     def check(self, robot: Robot) -> None:
         """No friction: a base has nothing to rub on."""
         super().check(robot)
-        if self.kind != 'external':
-            raise self.refusal(f'a torque on the base is external, got {self.kind!r}', 'kind')
-
-    def fastest(self, robot: Robot) -> float:
-        """Slow: it follows attitude and time."""
-        return 0.0
+        if self.guard.kind != 'external':
+            raise self.refusal('a torque on the base is external', 'guard.kind')
 
 
-def law_at(*, where: str | None, form: Form | TableForm, **entries: Any) -> LearnedTorque:
-    """The law of the class that its place and form ask for; see `LearnedTorque`."""
-    kind: type[LearnedTorque] = LearnedHysteresis if form.has_history else LearnedTorque
-    if where is not None and '/' in where:
-        kind = LearnedBaseTorque
-    return kind(where=where, form=form, **entries)
+def law_at(*, where: str | None, formula: Formula, **entries: Any) -> LearnedTorque:
+    """The law of the class that its place asks for; see `LearnedTorque`."""
+    kind = LearnedTorque if formula.is_at_joint else LearnedBaseTorque
+    return kind(where=where, formula=formula, **entries)

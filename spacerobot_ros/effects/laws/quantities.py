@@ -1,4 +1,4 @@
-"""What a formula may take: quantities of joints, base and sensors, with units and usual values."""
+"""What a formula may take: quantities of joints, base and sensors, their units and values."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 from ...model.robot import Robot
 from ...types import Array
 from ..joint import STICTION_RATE
-from .law_inputs import AXES
+from ..motion import Motion
 
+AXES = ('x', 'y', 'z')
 READING = 'reading'
 OF_JOINTS = {'position': 'rad', 'rate': 'rad/s', 'effort': 'N m'}
 """With units of joints that turn."""
@@ -27,6 +28,7 @@ CHANNELS = {
 MEASURED = dict(zip(CHANNELS, OF_JOINTS, strict=False))
 """What a channel of joints measures."""
 _OF_FORCES = (*OF_JOINTS, *OF_BASE)
+_VALUES = {'position': 'q', 'rate': 'qd', 'effort': 'effort'}
 _TRIALS = 16  # random states at which a formula is tried
 
 Quantities = Mapping[str, tuple[str | None, ...]]
@@ -39,9 +41,19 @@ def parts(name: str) -> tuple[str, str]:
     return what, whose.removesuffix(']')
 
 
+def bracketed(what: str, whose: str) -> str:
+    """The name of a quantity, in quotes where the place is no plain name."""
+    return f'{what}[{whose if whose.isidentifier() else repr(whose)}]' if whose else what
+
+
 def is_axis(where: str | None) -> bool:
     """Whether a place is an axis of the base, such as `base_link/x`."""
     return where is not None and where[-2:] in {f'/{axis}' for axis in AXES}
+
+
+def base_axes(robot: Robot) -> tuple[str, ...]:
+    """Axes of a free base as places, such as `base_link/x`."""
+    return tuple(f'{robot.base_link}/{axis}' for axis in AXES) if robot.is_free else ()
 
 
 def known_quantities(channel: str, is_at_joint: bool, extra: Sequence[str]) -> Quantities:
@@ -82,6 +94,30 @@ def unit_of(name: str, robot: Robot, where: str | None) -> str:
     if what in OF_JOINTS:
         return robot.unit_of(OF_JOINTS[what], whose or str(where))
     return {'time': 's', 'base_rate': 'rad/s', 'attitude': ''}[what]
+
+
+def quantity_along(what: str, whose: str, motion: Motion) -> Array | None:
+    """(N,) a quantity along a motion; None where the motion does not have it.
+
+    Args:
+        what: What it is; `acceleration` of joints, too, which no formula may take.
+        whose: A joint, an axis, two of them, or a free name.
+        motion: The motion.
+    """
+    if what in _VALUES:
+        values: Array = getattr(motion, _VALUES[what])
+        return values[:, motion.column(whose)]
+    match what:
+        case 'time':
+            return motion.time
+        case 'attitude':
+            return motion.rotation[:, AXES.index(whose[0]), AXES.index(whose[1])]
+        case 'base_rate':
+            return motion.omega[:, AXES.index(whose)]
+        case 'extra':
+            return motion.extra.get(whose)
+    known = motion.acceleration
+    return None if known is None else known[:, 6 + motion.column(whose)]
 
 
 def at_rest(name: str) -> Array:
