@@ -22,6 +22,7 @@ from collections.abc import Sequence
 import click
 
 from .. import __version__
+from ..errors import did_you_mean
 from .completion import VARIABLE
 from .options import command, invoked
 
@@ -45,7 +46,8 @@ class _Commands(click.Group):
             command: click.Command = importlib.import_module(f'{__package__}.{cmd_name}').run
             return command
         if not ctx.resilient_parsing:
-            ctx.fail(f'no such command: {cmd_name} (known: {", ".join(COMMANDS)})')
+            hint = did_you_mean(cmd_name, COMMANDS, f'known: {", ".join(COMMANDS)}')
+            ctx.fail(f'no such command: {cmd_name} ({hint})')
         return None
 
 

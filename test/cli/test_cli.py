@@ -157,7 +157,7 @@ def test_usage_errors_exit_with_2(capsys, tmp_path, options, message):
     ('words', 'message'),
     [
         ([], 'spacerobot: Missing command. (spacerobot --help says more)'),
-        (['simulat'], 'spacerobot simulat: no such command: simulat (known: demo, simulate, '),
+        (['simulat'], "spacerobot simulat: no such command: simulat (did you mean 'simulate'?)"),
         (['--what'], 'spacerobot: No such option'),
         (['compare', 'a', '--robot', 'b', '-o', 'c'], "compare: Missing argument 'AFTER'"),
         (['diagnose', '--robot', 'b', '-o', 'c'], "diagnose: Missing argument 'DATA...'"),

@@ -44,6 +44,7 @@ _LARGE = 20  # joints of a fixed robot beyond which a part is judged
 _MOST_ENTRIES, _LEAST_LONG = 8e7, 5.0  # torques times columns of that part: some seconds; s
 _SPARSEST = 5  # samples of which one is taken of a large robot, before its stretch is shortened
 _AT_ONCE = 64  # columns: what changes along the rows stays in a processor's cache
+_ROUNDING = 1e6  # plausible sizes: what is seen from there on is rounding of columns
 TOLD = 3.0  # standard deviations within the plausible size
 
 
@@ -209,6 +210,7 @@ def _judged(found: Sequence[Candidate], gram: Gram, robot: Robot) -> Iterable[Ex
     scaled = sizes[:, None] * gram.matrix * sizes + np.eye(len(sizes))
     with np.errstate(divide='ignore'):
         alone = 1.0 / np.sqrt(np.maximum(np.diag(gram.matrix), 0.0))
+    alone[alone > _ROUNDING * sizes] = np.inf
     eigenvalues, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
     # of the identity and what the data add: rounding alone makes one less
     together = sizes * np.sqrt(np.sum(vectors**2 / np.maximum(eigenvalues, 1.0), axis=1))
