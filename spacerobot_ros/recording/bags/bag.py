@@ -198,7 +198,8 @@ def _takes_part(message: Any, channel: _Channel) -> bool:
     """Whether a message has some of the joints; its row is kept then."""
     given = set(message.name)
     own = tuple(k for k, name in enumerate(channel.names) if name in given)
-    if not 0 < len(own) < len(channel.names):
+    is_own = channel.held.issuperset(given.difference(channel.names))
+    if not (is_own and 0 < len(own) < len(channel.names)):
         return False
     names = [channel.names[k] for k in own]
     columns = messages.joint_columns(

@@ -12,12 +12,12 @@ import numpy as np
 
 from ...types import Array, IntArray
 
-Part = tuple[Array, Array]
+JointPart = tuple[Array, Array]
 """(M,) stamps [ns] and (M, 3, n) rows of messages with the same joints; NaN for all others."""
 _PAUSE = 4.0  # usual periods of a part that a hole in it may have
 
 
-def merged(parts: Mapping[tuple[int, ...], Part]) -> tuple[IntArray, Array] | None:
+def merged(parts: Mapping[tuple[int, ...], JointPart]) -> tuple[IntArray, Array] | None:
     """(N,) stamps [ns] and (N, 3, n) rows of all joints.
 
     Args:
@@ -41,7 +41,7 @@ def merged(parts: Mapping[tuple[int, ...], Part]) -> tuple[IntArray, Array] | No
     return (stamps[is_known].astype(np.int64), whole[is_known]) if is_known.any() else None
 
 
-def _at(stamps: Array, part: Part, columns: Sequence[int]) -> tuple[Array, Array]:
+def _at(stamps: Array, part: JointPart, columns: Sequence[int]) -> tuple[Array, Array]:
     """(N, 3, n) rows of a part at some stamps, and (N,) whether it says anything there."""
     own, first = np.unique(part[0], return_index=True)
     rows = part[1][first]
