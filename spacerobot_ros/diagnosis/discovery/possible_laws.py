@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...effects.laws.grammar import FORMS, Form, quantity
+from ...effects.laws.grammar import FORMS, Form
 from ...types import Array
 
 _PER_TURN = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)
@@ -29,11 +29,10 @@ of 16 slow sweeps were functions of nothing that is measured, now 1 is."""
 _MOST = 1500  # sines of the time: longer records sweep less, then have the low frequencies alone
 REFINED = ('scale', 'displacement')
 """Options whose values are refined by the likelihood."""
-NO_LAWS = ('inertial', 'clock')
-"""Kinds that are none: where they win the leftover is an error of the masses, or follows time."""
-
-SINE, PLAIN = 'sin(m x), cos(m x)', '1, u, u^2, u^3 of u = x - centre'
-"""A torque that goes round, and one that is as smooth, near where the record was."""
+SHAPE = 'shape'
+NO_LAWS = ('inertial', 'clock', SHAPE)
+"""Kinds that are none: where they win the leftover is an error of the masses, follows time, or is
+of the shape of a cause."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,13 +88,6 @@ class Extent:
         ends = fast, np.min(q, axis=0), np.max(q, axis=0)
         rates, low, high = (dict(zip(joints, x.tolist(), strict=True)) for x in ends)
         return cls(rates, low, high, duration)
-
-    def turns(self, law: Law) -> float:
-        """Periods that the motion shows of a sine of a joint's angle; infinite of all else."""
-        what, whose = quantity(law.inputs[0])
-        if what != 'angle' or law.form.name != SINE:
-            return math.inf
-        return law.options['m'] * (self.high[whose] - self.low[whose]) / (2.0 * math.pi)
 
 
 _OWN_RATE = (
@@ -219,6 +211,8 @@ def _angle_laws(q: str, low: float, high: float) -> Iterator[Law]:
     for form in ('1, u of u = x - centre', '1, u, u^2, u^3 of u = x - centre'):
         yield _law(form, (q,), 1.5, 'a spring', 'potential', middle)
     for m in _PER_TURN:
+        if m * (high - low) < 2.0 * math.pi:
+            continue  # beyond the part of a period that was seen a sine turns back: nobody saw it
         form, options = 'sin(m x), cos(m x)', {'m': m}
         yield _law(form, (q,), 2.5, 'a torque that goes round', 'potential', options)
     for share in _STOPS:
@@ -263,12 +257,3 @@ def _law(
     options: Mapping[str, float] | None = None,
 ) -> Law:
     return Law(FORMS[form], inputs, price, resembles, kind, dict(options or {}))
-
-
-def others_of(law: Law, place: str) -> list[str]:
-    """Joints whose variables it needs, but that of its place."""
-    of_joints = [quantity(name) for name in law.inputs if quantity(name)[0] in _OF_JOINTS]
-    return [whose for _, whose in of_joints if whose != place]
-
-
-_OF_JOINTS = ('rate', 'angle', 'load', 'acceleration')
