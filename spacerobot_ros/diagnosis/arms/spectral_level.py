@@ -100,11 +100,6 @@ class SpectralRows:
         out.add_sums(self._rows.held, NEVER_HELD_OUT)
         return out
 
-    def left(self, scale: Array, mean: Array, joints: Collection[int]) -> float:
-        """Squares that coefficients (K,) leave of some joints, by a level (M,)."""
-        error = np.split((self._data - self._columns @ mean) / scale, self._ends)
-        return sum(float(e @ e) for k, e in zip(self._joints, error, strict=True) if k in joints)
-
     def _is_asked(self, i: int) -> bool:
         return self._rows.candidates[i].kind.id not in ZEROS
 

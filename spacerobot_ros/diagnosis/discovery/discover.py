@@ -78,7 +78,7 @@ def _without_law(joint: str, chosen: Sequence[FoundLaw], search: LawSearch) -> L
     )
     chosen = [it for it in chosen if it.candidate.of.kind != SHAPE]
     if not chosen:
-        seems, but = search.not_repeated(joint), 'other parts of the data do not repeat it'
+        seems, but = search.unrepeated.get(joint), 'other parts of the data do not repeat it'
         return replace(nothing, resembles=f'seems to be {seems}, but {but}') if seems else nothing
     best = max(chosen, key=lambda law: law.inferred.log_odds)
     law = best.candidate.of

@@ -7,19 +7,17 @@ sines of the time and inertial errors, competes with laws as they do with each o
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Hashable, Iterable
+from collections.abc import Collection, Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import cast
 
 import numpy as np
 
 from ...effects.laws.grammar import quantity
 from ...estimation.balance.arm_priors import COUPLED
-from ...estimation.balance.arm_rows import ArmRows
 from ...inference.hypotheses import Hypotheses
-from ...inference.hypothesis import Hypothesis
-from ...inference.inferred import Inferred, InferredCause, infer
+from ...inference.inferred import InferredCause, infer
 from ...inference.model_search import ChosenSet, best_set
 from ...inference.validation import HeldOut
 from ..arms.arm_found import ArmFound
@@ -65,23 +63,25 @@ class LawSearch:
 
     Args:
         found: The causes.
+
+    Attributes:
+        replaced: Numbers of causes that have given way to laws.
+        unrepeated: Laws that other parts of the data do not repeat, in words, by joint.
     """
 
     def __init__(self, found: ArmFound) -> None:
-        self._found, rows, self.robot = found, found.fit.rows, found.robot
-        self.motions = ArmMotions(rows, found.extended)
-        driven = ~np.isin(rows.robot.joints, rows.robot.passive_joints)
-        self.moving = [j for j in np.flatnonzero(driven).tolist() if len(rows.joints[j].torque)]
-        kinds = [c.kind.id for c in rows.candidates]
+        self._found, self._rows, self.robot = found, found.fit.rows, found.robot
+        self.motions = ArmMotions(self._rows, found.extended)
+        driven = ~np.isin(self.robot.joints, self.robot.passive_joints)
+        moves = [len(own.torque) > 0 for own in self._rows.joints[: len(driven)]]
+        self.moving = np.flatnonzero(driven & moves).tolist()
+        kinds = [c.kind.id for c in self._rows.candidates]
         self._may_go = frozenset(i for i in found.fit.chosen if kinds[i] in REPLACEABLE)
-        self._first, self.candidates = len(kinds), list[LawCandidate]()
+        self._first, self._laws = len(kinds), list[LawCandidate]()
         self._screens = dict[int, JointScreen]()
-        self._asked = dict[int, tuple[int, ...]]()
-        self._chances = dict[tuple[int, tuple[int, ...]], float]()
-        self.replaced = frozenset[int]()
-        self.refused: dict[int, float] = {}
-        """Of laws that chance makes as well: its probability by their numbers."""
-        self._excluded = frozenset[Hashable]()
+        self._asked = dict[int, tuple[list[int], list[Law]]]()
+        self._chances, self._refused = dict[tuple[int, ...], float](), set[int]()
+        self.replaced, self.unrepeated = frozenset[int](), dict[str, str]()
 
     @cached_property
     def _in_noise(self) -> dict[int, list[JointScreen]]:
@@ -89,110 +89,92 @@ class LawSearch:
         causes = self._found.fit.chosen
         return {j: [JointScreen(self.motions, j, causes, s) for s in _LOUD] for j in self.moving}
 
-    def _settle(self, chosen: Collection[int]) -> None:
-        """Choose the likeliest noise of each joint beside a set.
-
-        A law leaves more where it is larger, as noise that grows with the rate does.
-        """
-        for j, screens in self._in_noise.items():
-            beside = self._causes_and_laws(j, self._beside(j, chosen))
-            self._screens[j] = max(screens, key=lambda s: s.likelihood(*beside))
-
     def run(self) -> list[FoundLaw]:
-        """What is chosen beside the causes; causes that give way are `replaced`."""
-        chosen = frozenset(self._found.fit.chosen)
-        self._settle(chosen)
-        while more := self._proposed(chosen):
-            first = self._first + len(self.candidates)
-            self.candidates += more
+        """What is chosen beside the causes."""
+        chosen, before = frozenset(self._found.fit.chosen), None
+        while chosen != before and (more := self._proposed(chosen)):
+            self._laws += more
             # beside all that may be, as what is chosen is no part of the noise that judges it
-            hypotheses, _ = self._rows([*chosen, *range(first, first + len(more))])
+            first = self._first + len(self._laws) - len(more)
+            hypotheses = self._hypotheses([*chosen, *range(first, first + len(more))])
             before, chosen = chosen, best_set(hypotheses, chosen).chosen
-            if chosen <= before:
-                break
-            self._settle(chosen)
-        if not self.candidates:
+        if not self._laws:
             return []
-        hypotheses, left = self._rows(chosen)
+        hypotheses = self._hypotheses(chosen)
         inferred = infer(hypotheses.blocks, hypotheses.every, refused=self._by_chance)
-        return self._said(inferred, hypotheses, left)
+        causes = {cast(int, c.key): c for c in inferred.causes}
+        chosen = hypotheses.always.union(causes)
+        self.replaced = self._may_go - chosen
+        failing = (cast(int, key) for key in inferred.excluded - self._refused)
+        laws = (self._laws[i - self._first] for i in failing if i >= self._first)
+        self.unrepeated = {str(law.where): law.of.resembles for law in laws}
+        return [
+            FoundLaw(self._laws[i - self._first], c, self._chance(i, chosen), *shares)
+            for i, c in causes.items()
+            if i >= self._first
+            for shares in [self._shares(i, hypotheses, chosen)]
+        ]
 
-    def _rows(self, chosen: Collection[int]) -> tuple[Hypotheses, Callable[..., float]]:
-        """All hypotheses at the level that a set leaves, and what coefficients leave there."""
-        rows = self._found.fit.rows.with_more(self.candidates, self.motions.balances)
+    def _hypotheses(self, chosen: Collection[int]) -> Hypotheses:
+        """Laws, and causes whose place they may take, at the level that a set leaves.
+
+        Other causes always are.
+        """
+        rows = self._rows.with_more(self._laws, self.motions.balances)
         levels = list(self._found.levels)
         for j, screen in self._screens.items():
             levels[j] = screen.variances
-        every = self._hypotheses(rows)
-        sizes = {j: screen.sizes for j, screen in self._screens.items()}
-        spectral = SpectralRows(rows.over(sizes), levels, every)
-        scale = spectral.scale(chosen)
-        return Hypotheses(spectral.blocks(scale), every), partial(spectral.left, scale)
-
-    def _hypotheses(self, rows: ArmRows) -> list[Hypothesis]:
-        """Laws, and causes whose place they may take; other causes always are."""
         stay = set(self._found.fit.chosen) - self._may_go
-        return [
+        every = [
             h
             if i >= self._first or i in self._may_go
             else replace(h, log_odds=math.inf if i in stay else -math.inf)
             for i, h in enumerate(arm_hypotheses(rows))
         ]
+        sizes = {j: screen.sizes for j, screen in self._screens.items()}
+        spectral = SpectralRows(rows.over(sizes), levels, every)
+        return Hypotheses(spectral.blocks(spectral.scale(chosen)), every)
 
     def _proposed(self, chosen: Collection[int]) -> list[LawCandidate]:
         """Laws that were not proposed before: beside all causes, and beside those that stay."""
-        rows, known = self._found.fit.rows, {_words(c) for c in self.candidates}
-        out = []
+        out = {_words(law): law for law in self._laws}
         for j in self.moving:
-            beside = self._beside(j, chosen)
-            if self._asked.get(j) == beside:
+            causes, given = self._beside(j, chosen)
+            if self._asked.get(j) == (causes, given):
                 continue
-            self._asked[j], (causes, given) = beside, self._causes_and_laws(j, beside)
-            may_go = [i for i in causes if i in self._may_go and rows.acts_on(i, j)]
-            laws = [(law, True) for law in self._screens[j].proposals(causes, given)]
-            if may_go:
-                rest = [i for i in causes if i not in may_go]
-                laws += [
-                    (law, not self._is_of(law, j, may_go))
-                    for law in self._screens[j].proposals(rest, given)
-                ]
-            is_shared = any(rows.acts_on(i, k) for i in may_go for k in self.moving if k != j)
+            self._asked[j] = causes, given
+            # a law leaves more where it is larger, as noise that grows with the rate does
+            screen = max(self._in_noise[j], key=lambda s: s.likelihood(causes, given))
+            self._screens[j] = screen
             stay = [i for i in causes if i not in self._may_go]
-            for law, is_other in laws:
-                # what causes are by another name takes no place of them, but at one joint of two
-                places = [''] if is_other or is_shared else []
-                places += [quantity(law.inputs[1])[1]] if law.form.ratio and is_other else []
-                for react in places:
-                    candidate = candidate_of(law, j, self.motions, stay, react)
-                    if _words(candidate) not in known:
-                        known |= {_words(candidate)}
-                        out.append(candidate)
-        return out
+            may_go = [i for i in causes if i in self._may_go and self._rows.acts_on(i, j)]
+            rest = [i for i in causes if i not in may_go]
+            laws = screen.proposals(causes, given)
+            laws += screen.proposals(rest, given) if may_go else []
+            for law in laws:
+                for react in self._reactions(law, j, may_go):
+                    law_here = candidate_of(law, j, self.motions, stay, react)
+                    out.setdefault(_words(law_here), law_here)
+        return [*out.values()][len(self._laws) :]
 
-    def _is_of(self, law: Law, j: int, causes: Collection[int]) -> bool:
-        """Whether a law is what causes are, by another name."""
-        terms = self.motions.torques([law], j)
-        return bool(np.all(left_of(terms, self._found.fit.rows, j, causes, offset=1.0) < _SAME))
+    def _reactions(self, law: Law, j: int, may_go: Sequence[int]) -> list[str]:
+        """Joints that may act alike; empty: none.
 
-    def _beside(self, j: int, chosen: Collection[int]) -> tuple[int, ...]:
-        """Of a set its causes, and its laws that act on joint j."""
-        laws = self.candidates
-        return tuple(
-            i
-            for i in sorted(chosen)
-            if i < self._first or j in self._places(laws[i - self._first])
-        )
+        What causes are by another name takes no place of them, but at one of their joints.
+        """
+        both = [quantity(law.inputs[1])[1]] if law.form.ratio else []
+        left = left_of(self.motions.torques([law], j), self._rows, j, may_go, offset=1.0)
+        if not may_go or np.any(left > _SAME):
+            return ['', *both]
+        others = (k for k in self.moving if k != j)
+        return [''] if any(self._rows.acts_on(i, k) for k in others for i in may_go) else []
 
-    def _causes_and_laws(self, j: int, numbers: Iterable[int]) -> tuple[list[int], list[Law]]:
-        causes, laws = [], []
-        for i in numbers:
-            if i < self._first:
-                causes.append(i)
-            else:
-                c = self.candidates[i - self._first]
-                is_own = c.where == self.robot.joints[j]
-                laws.append(c.of if is_own else replace(c.of, inputs=c.of.inputs[::-1]))
-        return causes, laws
+    def _beside(self, j: int, chosen: Collection[int]) -> tuple[list[int], list[Law]]:
+        """Causes of a set, and its laws that act on joint j."""
+        numbers = sorted(chosen)
+        laws = (self._laws[i - self._first] for i in numbers if i >= self._first)
+        here = [law.of for law in laws if j in self._places(law)]
+        return [i for i in numbers if i < self._first], here
 
     def _by_chance(self, hypotheses: Hypotheses, found: ChosenSet) -> list[int]:
         """The law of a set that chance explains most easily, if it does."""
@@ -200,47 +182,37 @@ class LawSearch:
         worst = max(chances, key=chances.__getitem__, default=None)
         if worst is None or chances[worst] <= WRONG_ANSWERS / len(self.moving):
             return []
-        self.refused[worst] = chances[worst]
+        self._refused.add(worst)
         return [worst]
 
     def _chance(self, i: int, chosen: frozenset[int]) -> float:
-        candidate = self.candidates[i - self._first]
-        j = self._places(candidate)[0]
-        key = i, self._beside(j, chosen - {i})
+        law = self._laws[i - self._first]
+        j, *_ = self._places(law)
+        causes, given = self._beside(j, chosen - {i})
+        key = i, *causes, *map(id, given)
         if key not in self._chances:
-            beside = self._causes_and_laws(j, key[1])
-            self._chances[key] = self._screens[j].chance(candidate.of, *beside)
+            self._chances[key] = self._screens[j].chance(law.of, causes, given)
         return self._chances[key]
 
-    def _said(
-        self, inferred: Inferred, hypotheses: Hypotheses, left_of: Callable[..., float]
-    ) -> list[FoundLaw]:
-        causes = {cast(int, c.key): c for c in inferred.causes}
-        chosen = frozenset(causes) | hypotheses.always
-        out = []
-        for i in (i for i in causes if i >= self._first):
-            candidate = self.candidates[i - self._first]
-            sets, at = (chosen, chosen - {i}), self._places(candidate)
-            means = [hypotheses.mean(hypotheses.marginal(s), s) for s in sets]
-            after, before = (left_of(mean, at) for mean in means)
-            left = [float(np.sum(HeldOut(hypotheses, s).squares()[1])) for s in sets]
-            out.append(
-                FoundLaw(
-                    candidate=candidate,
-                    inferred=causes[i],
-                    chance=self._chance(i, chosen),
-                    share=1.0 - after / before,
-                    held_out=(left[1] - left[0]) / before,
-                )
-            )
-        self.replaced = self._may_go - chosen
-        self._excluded = inferred.excluded
-        return out
+    def _shares(
+        self, i: int, hypotheses: Hypotheses, chosen: frozenset[int]
+    ) -> tuple[float, float]:
+        """Of the squares of its joints' rows what a law explains, and of parts it was not told."""
+        sets = chosen, chosen - {i}
+        count = sum(
+            len(self._rows.joints[j].torque) for j in self._places(self._laws[i - self._first])
+        )
+        means = [hypotheses.mean(hypotheses.marginal(s), s) for s in sets]
+        inside = [hypotheses.blocks.whole.misfit(mean) for mean in means]
+        held_out = [float(np.sum(HeldOut(hypotheses, s).squares()[1])) for s in sets]
+        gains = (without - with_it for with_it, without in (inside, held_out))
+        share, held = (gain / (count + max(gain, 0.0)) for gain in gains)
+        return share, held
 
     def given_way(self, laws: Iterable[LawCandidate]) -> frozenset[int]:
         """Numbers of causes in whose place some laws stand."""
-        at, rows = [j for law in laws for j in self._places(law)], self._found.fit.rows
-        return frozenset(i for i in self.replaced if any(rows.acts_on(i, j) for j in at))
+        at = [j for law in laws for j in self._places(law)]
+        return frozenset(i for i in self.replaced if any(self._rows.acts_on(i, j) for j in at))
 
     def _places(self, law: LawCandidate) -> list[int]:
         """Numbers of the joints that it acts on."""
@@ -250,15 +222,7 @@ class LawSearch:
     def laws_of(self, keys: Iterable[Hashable]) -> tuple[Law, ...]:
         """Those of some hypotheses that are laws, or what is none."""
         numbers = (cast(int, key) - self._first for key in keys)
-        return tuple(self.candidates[n].of for n in numbers if n >= 0)
-
-    def not_repeated(self, joint: str) -> str:
-        """A law of a joint that parts of the data do not repeat, in words; empty: none."""
-        for key in self._excluded - set(self.refused):
-            n = cast(int, key) - self._first
-            if n >= 0 and self.candidates[n].where == joint:
-                return self.candidates[n].of.resembles
-        return ''
+        return tuple(self._laws[n].of for n in numbers if n >= 0)
 
 
 def _words(candidate: LawCandidate) -> tuple[object, ...]:
