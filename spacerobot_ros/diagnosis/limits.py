@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 
-DRIFTING = 1e-2
-"""Probability, of a right model, of a fit as bad, or values that drift as much, from which causes
-may stand for another one. A stated error rate: one right answer in 100 is `partly_explained` for
-nothing. It is less sharp than others as only the verdict hangs on it: of 8 and then 3 wrong
-answers, for an effect that was in no catalogue, 5 drift and 2 are below it."""
+WRONG_ANSWERS = 1e-2
+"""A stated error rate. One right answer in 100 is `partly_explained` for nothing, as it fits badly
+or its values drift: less sharp than others, as only the verdict hangs on it (of 8 and then 3 wrong
+answers, for an effect that was in no catalogue, 5 drift and 2 are below it). One machine in 100
+that has no law has one by chance, of all its joints."""
 
 EXACT = 0.05
 """Of what causes do, what their models may be wrong by: columns of effects at ten times their
 limit are right within that. Five wrong explanations at that strength drift by 8 to 17 %; a gyro
-that is late by 13 ms, a thousand times what the noise shows, drifts by less than that."""
+that is late by 13 ms, a thousand times what the noise shows, drifts by less than that. A law of
+whose square causes leave less is of the shape of one of them."""
 
 LITTLE, IMITATED = 1.0 / 3.0, 400.0
 """Extra sum of squares of one cause beside all others, by the mean share of what all do and in

@@ -16,9 +16,6 @@ from ..model.robot import Robot
 from ..types import Array
 from .trajectory.reference import Kinematics
 
-BLOCKS = 5
-"""Equal parts of a record, each of which is predicted from the others."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelFit:

@@ -41,13 +41,13 @@ def leftover_items(diagnosis: Diagnosis) -> Iterator[Item]:
 def _table(leftover: Sequence[Leftover], caption: str) -> Table:
     rows = []
     for one in leftover:
-        shares = one.held_out_gain, one.placebo_gain, one.other_recording
+        shares = one.held_out_gain, one.other_recording
         tested = ['' if share is None else percent(share, nothing=UNTESTED) for share in shares]
         p = '' if one.p_value is None else probability(one.p_value)
         law = ', '.join(one.depends_on), one.form or '', _coefficients(one)
         rows.append((one.channel, *law, one.resembles, p, *tested))
     head = 'channel', 'depends on', 'form', 'coefficients', 'resembles', 'p'
-    return Table((*head, 'held out', 'placebo', 'other recording'), rows, caption)
+    return Table((*head, 'held out', 'other recording'), rows, caption)
 
 
 def _order_line(order: Order) -> str:

@@ -9,9 +9,10 @@ import pytest
 
 from spacerobot_ros.diagnosis.arms.arm_found import ArmFound
 from spacerobot_ros.diagnosis.arms.fitted_arm import FittedArm
-from spacerobot_ros.diagnosis.discovery.arm_channels import ArmMotions
-from spacerobot_ros.diagnosis.discovery.fitted_laws import candidate_of, with_laws
-from spacerobot_ros.diagnosis.discovery.possible_laws import Law
+from spacerobot_ros.diagnosis.discovery.arm_motions import ArmMotions
+from spacerobot_ros.diagnosis.discovery.discover import with_laws
+from spacerobot_ros.diagnosis.discovery.law_candidate import candidate_of
+from spacerobot_ros.diagnosis.discovery.possible_laws import SHAPE, Law
 from spacerobot_ros.diagnosis.events.arm_events import ArmEvents
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.laws.grammar import FORMS
@@ -63,11 +64,25 @@ def found_with(*chosen, hidden=asymmetric):
     )
 
 
+def fitted_with(found, law):
+    """Causes with a law of the joint, fitted together, and its number."""
+    motions = ArmMotions(found.fit.rows, found.extended)
+    candidate = candidate_of(law, JOINT, motions, found.fit.chosen)
+    return with_laws(found, [candidate], motions.balances)
+
+
+@pytest.mark.parametrize(('form', 'is_shape'), [('x', True), ('x*abs(x)', False)])
+def test_a_law_that_a_cause_is_competes_and_is_none(found, form, is_shape):
+    motions = ArmMotions(found.fit.rows, found.extended)
+    law = Law(FORMS[form], ('rate/joint_3',), 0.0, 'friction', 'dissipative')
+    candidate = candidate_of(law, JOINT, motions, found.fit.chosen)
+    assert (candidate.of.kind == SHAPE) == is_shape
+
+
 def test_friction_is_not_shared_out_with_a_law_that_has_its_terms(found):
     """Half of a Coulomb friction went to the law, with a deviation of ten times its size."""
     law = Law(FORMS['sign(x), x, abs(x)'], ('rate/joint_3',), 2.0, 'friction', 'friction')
-    motions = ArmMotions(found.fit.rows, found.extended)
-    fitted, (number,) = with_laws(found, [candidate_of(law, JOINT, motions)])
+    fitted, (number,) = fitted_with(found, law)
     named = {effect.id: next(iter(effect.values.values())) for effect in fitted.named}
     # the smoothing of its sign at reversals takes some of a dry friction
     assert named[DRY] == pytest.approx(COULOMB[JOINT], rel=0.03)
@@ -85,8 +100,7 @@ def test_a_law_of_dry_friction_takes_nothing_of_a_friction_with_a_history():
     history = 'joint_presliding_friction'
     searched = found_with(history, SLIDING)
     law = Law(FORMS['sign(x), x, abs(x)'], ('rate/joint_3',), 2.0, 'friction', 'friction')
-    motions = ArmMotions(searched.fit.rows, searched.extended)
-    fitted, (number,) = with_laws(searched, [candidate_of(law, JOINT, motions)])
+    fitted, (number,) = fitted_with(searched, law)
     (at,) = (i for i in searched.fit.chosen if searched.fit.rows.candidates[i].kind.id == history)
     (value,), (spread,) = fitted.fit.values[fitted.fit.rows.places[at]], fitted.fit.spread(at)
     assert abs(value - COULOMB[JOINT]) < 2.0 * spread
@@ -101,8 +115,7 @@ def test_a_law_of_the_load_goes_with_the_whole_torque_of_its_motor():
     law = Law(
         FORMS['y**2*sign(x)'], ('rate/joint_3', 'load/joint_3'), 3.0, 'friction', 'dissipative'
     )
-    motions = ArmMotions(searched.fit.rows, searched.extended)
-    fitted, (number,) = with_laws(searched, [candidate_of(law, JOINT, motions)])
+    fitted, (number,) = fitted_with(searched, law)
     (value,) = fitted.fit.values[fitted.fit.rows.places[number]]
     # friction that was found without the law has some of it
     assert value == pytest.approx(-GROWTH, rel=0.15)

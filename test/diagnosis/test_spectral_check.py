@@ -36,12 +36,10 @@ def test_channels_have_levels_of_their_own(rng):
     """The likelihood of two that share nothing is the sum of theirs; a third has no terms."""
     data, columns = rng.standard_normal((2, 80)), rng.standard_normal((2, 80, 3))
     data[1] *= 50.0
-    alone = [
-        SpectralTerms(d, c, np.zeros(3, dtype=bool)) for d, c in zip(data, columns, strict=True)
-    ]
+    alone = [SpectralTerms(d, c) for d, c in zip(data, columns, strict=True)]
     both = np.zeros((160, 6))
     both[:80, :3], both[80:, 3:] = columns
-    together = SpectralTerms(data.ravel(), both, np.zeros(6, dtype=bool), (80, 160))
+    together = SpectralTerms(data.ravel(), both, (80, 160))
     found, *each = (t.level(np.zeros((len(t.data), 0))) for t in (together, *alone))
     assert found.likelihood == pytest.approx(sum(e.likelihood for e in each))
     np.testing.assert_allclose(found.scale, np.concatenate([e.scale for e in each]))

@@ -21,7 +21,7 @@ MOVING = ('joint_1', 'joint_2')
 
 
 def said(form='x*abs(x)', *depends_on, channel='joint_1', rivals=()):
-    shares = {'p': 1e-9, 'held_out': 0.5, 'placebo': 0.0, 'rivals': [list(r) for r in rivals]}
+    shares = {'p': 1e-9, 'held_out': 0.5, 'rivals': [list(r) for r in rivals]}
     return {'channel': channel, 'depends_on': list(depends_on), 'form': form, **shares}
 
 

@@ -66,7 +66,6 @@ def run(key: str) -> TrialRecord:
             'form': e.form,
             'p': e.p_value,
             'held_out': e.held_out_gain,
-            'placebo': e.placebo_gain,
             'rivals': [list(r.depends_on) for r in e.rivals],
         }
         for e in answer.leftover or ()

@@ -180,7 +180,7 @@ class Leftover:
         p_value: Of such a law by chance.
         share: Of the whitened leftover that it explains.
         held_out_gain: The same of parts that it was not fitted to.
-        placebo_gain: The same of the best columns without meaning.
+        placebo_gain: No longer computed.
         other_recording: The same of recordings that it was not fitted to.
         rivals: Laws that this motion can not tell from it.
         applied: The law as it is simulated; None where it is not worth it.

@@ -16,7 +16,8 @@ import numpy as np
 
 from ...estimation.balance.arm_candidates import ZEROS
 from ...estimation.balance.arm_rows import ArmRows
-from ...estimation.inference.spectral_terms import Level, SpectralTerms, cosines
+from ...estimation.inference.spectral_terms import Level, SpectralTerms, cosines, rows_of
+from ...inference.gram import Gram
 from ...inference.gram_blocks import NEVER_HELD_OUT, GramBlocks
 from ...inference.hypotheses import Hypotheses
 from ...inference.hypothesis import Hypothesis
@@ -45,12 +46,13 @@ class SpectralRows:
             replace(h, log_odds=max(h.log_odds, 0.0)) if h.log_odds > -math.inf else h
             for h in every
         ]
-        data, columns = [], []
-        for joint, variances in zip(rows.joints, levels, strict=True):
+        data, columns, self._joints = [], [], list[int]()
+        for k, (joint, variances) in enumerate(zip(rows.joints, levels, strict=True)):
             if len(joint.torque):
                 torque, whitened, _ = joint.whitened(variances)
                 data.append(cosines(torque))
                 columns.append(cosines(whitened))
+                self._joints.append(k)
         self._data, self._columns = np.concatenate(data), np.concatenate(columns)
         self._ends = tuple(np.cumsum([len(x) for x in data])[:-1].tolist())
         self._sizes = np.linalg.norm(self._columns, axis=0)
@@ -74,6 +76,29 @@ class SpectralRows:
             chosen.discard(weakest)
             gone.add(weakest)
         return gone
+
+    def scale(self, chosen: Collection[int]) -> Array:
+        """(M,) level of what a set of causes leaves."""
+        return self._level(chosen, np.ones(len(self._data))).scale
+
+    def blocks(self, scale: Array) -> GramBlocks:
+        """The rows in clusters, whitened by a level (M,) too."""
+        both = np.column_stack([self._data, self._columns]) / scale[:, None]
+        clusters, columns = self._rows.in_clusters, self._columns.shape[1]
+        every = [Gram(np.zeros((columns, columns)), np.zeros(columns), 0.0, 0)] * len(
+            clusters.recording
+        )
+        for k, terms in zip(self._joints, np.split(both, self._ends), strict=True):
+            block = clusters.joints[k].block
+            whitened = rows_of(terms, len(block))
+            for b in np.unique(block).tolist():
+                own = whitened[block == b]
+                every[b] = every[b] + Gram.of(own[:, 1:], own[:, 0])
+        out = GramBlocks(columns)
+        for gram, recording in zip(every, clusters.recording.tolist(), strict=True):
+            out.add_sums(gram, recording)
+        out.add_sums(self._rows.held, NEVER_HELD_OUT)
+        return out
 
     def _is_asked(self, i: int) -> bool:
         return self._rows.candidates[i].kind.id not in ZEROS
@@ -107,7 +132,7 @@ class SpectralRows:
         deviations = self._rows.deviations(chosen)
         seen = self._sizes * deviations > _UNSEEN
         prior = self._columns[:, seen] * deviations[seen]
-        terms = SpectralTerms(self._data, prior, np.zeros(prior.shape[1], dtype=bool), self._ends)
+        terms = SpectralTerms(self._data, prior, self._ends)
         return terms.level(np.zeros((len(prior), 0)), scale)
 
 

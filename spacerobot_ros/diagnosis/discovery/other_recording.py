@@ -7,24 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
 from ...effects.effect import Effect
 from ...effects.laws.learned_torque import LearnedTorque
 from ...estimation.balance.balance import Balance, balance_of
-from ...estimation.inference.placebo import held_out_gain
-from ...estimation.rows import BLOCKS
 from ...estimation.trajectory.observations import observed
+from ...inference.decisive import PARTS
+from ...inference.validation import passes
 from ...model.robot import Robot
 from ...recording.record import Record
 from ...recording.robot_inputs import EXTRA
 from ...types import Array
 from ..answer.result import Leftover
-from .discovery_limits import BEYOND_PLACEBO
-
-_WIDE = 1e3  # times a law that its placebos may be
 
 
 def judged_on(
@@ -32,8 +28,7 @@ def judged_on(
 ) -> tuple[Leftover, ...]:
     """What is said of every channel, with the laws' share of another recording.
 
-    A law that explains no more of it than its own torque at other times, fitted, is none that
-    belongs in a model.
+    A law that does not predict its parts is none that belongs in a model.
 
     Args:
         other: The recording.
@@ -55,19 +50,19 @@ def judged_on(
         j = robot.joints.index(str(entry.applied.where))
         moving = balance.arm.is_moving[:: balance.arm.stride, j]
         own = torques[laws.index(entry.applied)][moving, j]
-        out.append(_judged(entry, left[moving, j] + own, own, balance.row_times[moving]))
+        out.append(_judged(entry, left[moving, j] + own, own))
     return tuple(out)
 
 
-def _judged(entry: Leftover, left: Array, own: Array, times: Array) -> Leftover:
+def _judged(entry: Leftover, left: Array, own: Array) -> Leftover:
+    """With its share of a joint's rows, what is left and the law's torque (M,) given."""
     if not len(left):
         return entry
+    gains = left**2 - (left - own) ** 2
     square = float(left @ left)
-    share = 1.0 - float(np.sum((left - own) ** 2)) / square
-    ends = np.linspace(0, len(left), BLOCKS + 1).astype(int).tolist()
-    blocks = [slice(a, b) for a, b in pairwise(ends)]
-    placebo = held_out_gain(own[:, None], left, np.array([_WIDE]), blocks, times) / square
-    holds = share > placebo + BEYOND_PLACEBO
+    parts = np.array([np.sum(part) for part in np.array_split(gains, PARTS)])
+    holds = passes(0.5 * len(left) / square * parts)
+    share = float(np.sum(gains)) / square
     return replace(entry, other_recording=share, applied=entry.applied if holds else None)
 
 

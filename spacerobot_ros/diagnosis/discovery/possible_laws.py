@@ -8,12 +8,12 @@ more. The evidence must pay it beside the price of the coefficients.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...effects.laws.grammar import FORMS, Form, quantity
+from ...effects.laws.grammar import FORMS, Form
 from ...types import Array
 
 _PER_TURN = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)
@@ -25,14 +25,16 @@ _LOWEST, _HIGHEST = 0.05, 2.0  # Hz, of sines of the time: up to half the band
 _SPACING = 0.5
 """Of the resolution 1/T: between two of them a sine keeps 81 % of its square. With 0.75 (63 %) 5
 of 16 slow sweeps were functions of nothing that is measured, now 1 is."""
+_PRODUCT = 'sin(m*y), cos(m*y), x*sin(m*y), x*cos(m*y)'
+"""A product of functions of two angles, as loads on two joints are, where x turns little."""
+_STOP = 'min(x, lower) - lower, max(x, upper) - upper'
 _MOST = 1500  # sines of the time: longer records sweep less, then have the low frequencies alone
 REFINED = ('scale',)
 """Options whose values are refined by the likelihood."""
-NO_LAWS = ('inertial', 'clock')
-"""Kinds that are none: where they win the leftover is an error of the masses, or follows time."""
-
-SINE, PLAIN = 'sin(m*x), cos(m*x)', '1, x - centre, (x - centre)**2, (x - centre)**3'
-"""A torque that goes round, and one that is as smooth, near where the record was."""
+SHAPE = 'shape'
+NO_LAWS = ('inertial', 'clock', SHAPE)
+"""Kinds that are none: where they win the leftover is an error of the masses, follows time, or is
+of the shape of a cause."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,61 +91,104 @@ class Extent:
         rates, low, high = (dict(zip(joints, x.tolist(), strict=True)) for x in ends)
         return cls(rates, low, high, duration)
 
-    def turns(self, law: Law) -> float:
-        """Periods that the motion shows of a sine of a joint's angle; infinite of all else."""
-        what, whose = quantity(law.inputs[0])
-        if what != 'angle' or law.form.name != SINE:
-            return math.inf
-        return law.options['m'] * (self.high[whose] - self.low[whose]) / (2.0 * math.pi)
+    def options(self, guess: str, joint: str) -> list[dict[str, float]]:
+        """Guesses of what forms are not linear in; of a sine where a whole period was seen.
+
+        Beyond a part of one it turns back, where a polynomial goes on.
+        """
+        low, high = self.low.get(joint, 0.0), self.high.get(joint, 0.0)
+        turns = [{'m': m} for m in _PER_TURN]
+        match guess:
+            case 'bends':
+                return [{'scale': share * self.fast[joint]} for share in _BENDS]
+            case 'lengths':
+                return [{'scale': length * self.duration} for length in _WARM_UP]
+            case 'centre':
+                return [{'centre': 0.5 * (low + high)}]
+            case 'stops':
+                ends = [share * (high - low) for share in _STOPS]
+                return [{'lower': low + end, 'upper': high - end} for end in ends]
+            case 'whole turns':
+                return [t for t in turns if t['m'] * (high - low) >= 2.0 * math.pi]
+        return turns[:2] if guess == 'two turns' else turns
 
 
-_OWN_RATE = (
-    ('x', 0.0, 'viscous friction'),
-    ('sign(x)', 1.0, 'Coulomb friction'),
-    ('sign(x), x', 1.0, 'Coulomb and viscous friction'),
-    ('x*abs(x)', 1.5, 'drag'),
-    ('sign(x)*sqrt(abs(x))', 2.0, 'friction that grows ever less with the rate'),
-    ('sign(x), x, abs(x)', 2.0, 'friction that differs between directions'),
-    ('x**3', 2.5, 'friction that grows ever more with the rate'),
-)
-_ANGLE_AND_RATE = (  # x is the rate, y the angle
-    ('sign(x), y*sign(x), y**2*sign(x)', 3.0, 'friction that changes with the angle'),
-    ('x, x*y, x*y**2', 3.5, 'viscous friction that changes with the angle'),
-)
-_TURNING_AND_RATE = (
-    ('sign(x), sin(m*y)*sign(x), cos(m*y)*sign(x)', 3.0, 'friction that changes with the angle'),
-    ('x, x*sin(m*y), x*cos(m*y)', 3.5, 'viscous friction that changes with the angle'),
-)
-_LOAD = (
-    (('rate', 'load'), 'abs(y)*sign(x)', 2.0, 'friction in proportion to the load', 'dissipative'),
-    (('rate', 'load'), 'y**2*sign(x)', 3.0, 'friction that grows with the load', 'dissipative'),
-    (('rate', 'load'), 'y*abs(x)', 3.0, 'a gain that changes with the rate', 'gain'),
-    (('load',), 'x*abs(x)', 3.5, 'a gain that changes with the load', 'gain'),
-)
-_OTHER = (  # of another joint alone
-    ('rate', 'x', 2.5, 'friction of another joint'),
-    ('rate', 'sign(x)', 2.5, 'friction of another joint'),
-    ('rate', 'sign(x), x', 3.0, 'friction of another joint'),
-)
-_SUMS = (  # x is the joint's own
-    ('rate', 'sign(x + y)', 3.0, 'friction of a coupled wrist'),
-    ('rate', 'sign(x + y), x + y', 3.0, 'friction of a coupled wrist'),
-    ('rate', 'sign(x - y)', 3.0, 'friction of a coupled wrist'),
-    ('rate', 'sign(x - y), x - y', 3.0, 'friction of a coupled wrist'),
-    ('angle', 'sin(x + y), cos(x + y)', 3.0, 'a load on two angles'),
-    ('angle', 'sin(x - y), cos(x - y)', 3.0, 'a load on two angles'),
-)
-_BOTH = (
-    ('rate', 'x*y', 3.5, 'a torque of two rates'),
-    ('rate', 'x, y', 4.0, 'viscous friction of two joints'),
-    ('rate', 'sign(x), y', 4.0, 'friction of two joints'),
-)
-_PRODUCT = 'sin(m*y), cos(m*y), x*sin(m*y), x*cos(m*y)'
-"""A product of functions of two angles, as loads on two joints are, where x turns little."""
-_WITH_EXTRA = (  # x is the rate, y is measured beside the motion
-    ('x, x*y', 3.0, 'viscous friction that changes with what is measured'),
-    ('sign(x), y*sign(x)', 3.0, 'Coulomb friction that changes with what is measured'),
-)
+_LAWS = {
+    'dissipative': (
+        ('v', 'x', 0.0, 'viscous friction'),
+        ('v', 'sign(x)', 1.0, 'Coulomb friction'),
+        ('v', 'sign(x), x', 1.0, 'Coulomb and viscous friction'),
+        ('v', 'x*abs(x)', 1.5, 'drag'),
+        ('v', 'sign(x)*sqrt(abs(x))', 2.0, 'friction that grows ever less with the rate'),
+        ('v', 'sign(x), x, abs(x)', 2.0, 'friction that differs between directions'),
+        ('v', 'x**3', 2.5, 'friction that grows ever more with the rate'),
+        ('v', 'sign(x)*exp(-(x/scale)**2)', 2.5, 'Stribeck friction', 'bends'),
+        ('vq', 'sign(x), y*sign(x), y**2*sign(x)', 3.0, 'friction that changes with the angle'),
+        ('vq', 'x, x*y, x*y**2', 3.5, 'viscous friction that changes with the angle'),
+        (
+            *('vq', 'sign(x), sin(m*y)*sign(x), cos(m*y)*sign(x)', 3.0),
+            *('friction that changes with the angle', 'turns'),
+        ),
+        (
+            *('vq', 'x, x*sin(m*y), x*cos(m*y)', 3.5),
+            *('viscous friction that changes with the angle', 'turns'),
+        ),
+        ('vT', 'abs(y)*sign(x)', 2.0, 'friction in proportion to the load'),
+        ('vT', 'y**2*sign(x)', 3.0, 'friction that grows with the load'),
+        ('vt', 'x, x*exp(-y/scale)', 3.5, 'friction that warms up', 'lengths'),
+        ('ve', 'x, x*y', 3.0, 'viscous friction that changes with what is measured'),
+        ('ve', 'sign(x), y*sign(x)', 3.0, 'Coulomb friction that changes with what is measured'),
+    ),
+    'gain': (
+        ('vT', 'y*abs(x)', 3.0, 'a gain that changes with the rate'),
+        ('T', 'x*abs(x)', 3.5, 'a gain that changes with the load'),
+    ),
+    'potential': (
+        ('q', '1, x - centre', 1.5, 'a spring', 'centre'),
+        ('q', '1, x - centre, (x - centre)**2, (x - centre)**3', 1.5, 'a spring', 'centre'),
+        ('q', 'sin(m*x), cos(m*x)', 2.5, 'a torque that goes round', 'whole turns'),
+        (
+            'q',
+            'min(x, lower) - lower, max(x, upper) - upper',
+            3.0,
+            'a spring near the stops',
+            'stops',
+        ),
+    ),
+    'coupled': (
+        ('p', '1, x - centre', 2.5, 'a spring to another joint', 'centre'),
+        ('w', 'x', 2.5, 'friction of another joint'),
+        ('w', 'sign(x)', 2.5, 'friction of another joint'),
+        ('w', 'sign(x), x', 3.0, 'friction of another joint'),
+        ('vw', 'sign(x + y)', 3.0, 'friction of a coupled wrist'),
+        ('vw', 'sign(x + y), x + y', 3.0, 'friction of a coupled wrist'),
+        ('vw', 'sign(x - y)', 3.0, 'friction of a coupled wrist'),
+        ('vw', 'sign(x - y), x - y', 3.0, 'friction of a coupled wrist'),
+        ('qp', 'sin(x + y), cos(x + y)', 3.0, 'a load on two angles'),
+        ('qp', 'sin(x - y), cos(x - y)', 3.0, 'a load on two angles'),
+        ('vw', 'x*y', 3.5, 'a torque of two rates'),
+        ('vw', 'x, y', 4.0, 'viscous friction of two joints'),
+        ('vw', 'sign(x), y', 4.0, 'friction of two joints'),
+        ('qp', _PRODUCT, 4.0, 'a load on two angles', 'two turns'),
+        ('pq', _PRODUCT, 4.0, 'a load on two angles', 'two turns'),
+    ),
+    'external': (
+        ('e', 'x', 2.5, 'what is measured'),
+        ('e', 'x, x**2', 3.0, 'what is measured'),
+    ),
+    'inertial': (('a', 'x', 2.0, 'an inertial error'), ('b', 'x', 3.5, 'an inertial error')),
+    'clock': (
+        ('t', 'x', 2.5, 'a drift'),
+        ('t', 'x, x**2', 3.0, 'a drift'),
+        ('t', 'exp(-x/scale)', 4.0, 'a drift', 'lengths'),
+    ),
+}
+"""By kind: inputs, form, price, class, and what its options are guessed by.
+
+Rate v, angle q, load T and acceleration a of the joint, w, p and b of another, time t, and e, what
+else is measured."""
+_QUANTITIES = {'v': 'rate', 'w': 'rate', 'q': 'angle', 'p': 'angle', 'T': 'load'}
+_QUANTITIES |= {'a': 'acceleration', 'b': 'acceleration', 'e': 'extra'}
 
 
 def joint_laws(
@@ -157,16 +202,22 @@ def joint_laws(
         extras: Names of what else is measured.
         at: Of the motion.
     """
-    out = list(_own_laws(joint, at))
-    for other, unit in joints.items():
-        if other != joint:
-            out += _shared_laws(joint, other, at, adds_up=unit == joints[joint])
-    for extra in extras:
-        name = f'extra/{extra}'
-        out += [_law(form, (f'rate/{joint}', name), p, r) for form, p, r in _WITH_EXTRA]
-        out.append(_law('x', (name,), 2.5, 'what is measured', 'external'))
-        out.append(_law('x, x**2', (name,), 3.0, 'what is measured', 'external'))
-    return [*out, *_slow_laws(at)]
+    out = []
+    for kind, rows in _LAWS.items():
+        for letters, name, price, resembles, *guess in rows:
+            others = [''] if set(letters).isdisjoint('wpb') else [k for k in joints if k != joint]
+            if 'x + y' in name or 'x - y' in name:
+                others = [k for k in others if joints[k] == joints[joint]]
+            for other in others:
+                for extra in extras if 'e' in letters else ('',):
+                    whose = dict.fromkeys('wpb', other) | {'e': extra}
+                    inputs = tuple(
+                        'time' if x == 't' else f'{_QUANTITIES[x]}/{whose.get(x, joint)}'
+                        for x in letters
+                    )
+                    options = at.options(guess[0], inputs[0].partition('/')[2]) if guess else [{}]
+                    out += [Law(FORMS[name], inputs, price, resembles, kind, o) for o in options]
+    return out
 
 
 def time_sines(duration: float) -> list[Law]:
@@ -187,89 +238,3 @@ def time_sines(duration: float) -> list[Law]:
 
 
 _SWEEP = Form('sin(w*x + s*x**2), cos(w*x + s*x**2)', ((0,), (0,)), {'w': (-1,), 's': (-2,)})
-
-
-def _own_laws(joint: str, at: Extent) -> Iterator[Law]:
-    v, q = f'rate/{joint}', f'angle/{joint}'
-    for form, price, resembles in _OWN_RATE:
-        yield _law(form, (v,), price, resembles)
-    for share in _BENDS:
-        options = {'scale': share * at.fast[joint]}
-        yield _law('sign(x)*exp(-(x/scale)**2)', (v,), 2.5, 'Stribeck friction', options=options)
-    yield from _angle_laws(q, at.low[joint], at.high[joint])
-    for form, price, resembles in _ANGLE_AND_RATE:
-        yield _law(form, (v, q), price, resembles)
-    for m in _PER_TURN:
-        for form, price, resembles in _TURNING_AND_RATE:
-            yield _law(form, (v, q), price, resembles, options={'m': m})
-    for what, form, price, resembles, kind in _LOAD:
-        yield _law(form, tuple(f'{name}/{joint}' for name in what), price, resembles, kind)
-    for length in _WARM_UP:
-        options = {'scale': length * at.duration}
-        yield _law(
-            'x, x*exp(-y/scale)', (v, 'time'), 3.5, 'friction that warms up', options=options
-        )
-    yield _law('x', (f'acceleration/{joint}',), 2.0, 'an inertial error', 'inertial')
-
-
-def _angle_laws(q: str, low: float, high: float) -> Iterator[Law]:
-    middle = {'centre': 0.5 * (low + high)}
-    for form in ('1, x - centre', '1, x - centre, (x - centre)**2, (x - centre)**3'):
-        yield _law(form, (q,), 1.5, 'a spring', 'potential', middle)
-    for m in _PER_TURN:
-        form, options = 'sin(m*x), cos(m*x)', {'m': m}
-        yield _law(form, (q,), 2.5, 'a torque that goes round', 'potential', options)
-    for share in _STOPS:
-        ends = {'lower': low + share * (high - low), 'upper': high - share * (high - low)}
-        yield _law(
-            'min(x, lower) - lower, max(x, upper) - upper',
-            (q,),
-            3.0,
-            'a spring near the stops',
-            'potential',
-            ends,
-        )
-
-
-def _shared_laws(joint: str, other: str, at: Extent, *, adds_up: bool) -> Iterator[Law]:
-    spring, q = '1, x - centre', f'angle/{other}'  # it rests anywhere
-    centre = {'centre': 0.5 * (at.low[other] + at.high[other])}
-    yield _law(spring, (q,), 2.5, 'a spring to another joint', 'coupled', centre)
-    for what, form, price, resembles in _OTHER:
-        yield _law(form, (f'{what}/{other}',), price, resembles, 'coupled')
-    for what, form, price, resembles in (*(_SUMS if adds_up else ()), *_BOTH):
-        yield _law(form, (f'{what}/{joint}', f'{what}/{other}'), price, resembles, 'coupled')
-    angles = (f'angle/{joint}', f'angle/{other}')
-    for m in _PER_TURN[:2]:  # a load turns once or twice with a joint
-        for inputs in (angles, angles[::-1]):
-            yield _law(_PRODUCT, inputs, 4.0, 'a load on two angles', 'coupled', {'m': m})
-    yield _law('x', (f'acceleration/{other}',), 3.5, 'an inertial error', 'inertial')
-
-
-def _slow_laws(at: Extent) -> Iterator[Law]:
-    yield _law('x', ('time',), 2.5, 'a drift', 'clock')
-    yield _law('x, x**2', ('time',), 3.0, 'a drift', 'clock')
-    for length in _WARM_UP:
-        yield _law(
-            'exp(-x/scale)', ('time',), 4.0, 'a drift', 'clock', {'scale': length * at.duration}
-        )
-
-
-def _law(
-    form: str,
-    inputs: tuple[str, ...],
-    price: float,
-    resembles: str,
-    kind: str = 'dissipative',
-    options: Mapping[str, float] | None = None,
-) -> Law:
-    return Law(FORMS[form], inputs, price, resembles, kind, dict(options or {}))
-
-
-def others_of(law: Law, place: str) -> list[str]:
-    """Joints whose variables it needs, but that of its place."""
-    of_joints = [quantity(name) for name in law.inputs if quantity(name)[0] in _OF_JOINTS]
-    return [whose for _, whose in of_joints if whose != place]
-
-
-_OF_JOINTS = ('rate', 'angle', 'load', 'acceleration')

@@ -26,11 +26,11 @@ from ...estimation.balance.arm_levels import leftover_levels
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.balance import balance_of
 from ...estimation.columns import Candidate, Signatures, candidates
-from ...estimation.inference.evidence import Gram, sum_of
 from ...estimation.noise_levels import noise_levels
 from ...estimation.runs import Run
 from ...estimation.scaling import PROPORTIONAL
 from ...estimation.trajectory.observations import observed
+from ...inference.gram import Gram, sum_of
 from ...model.robot import Robot
 from ...recording.faults.thresholds import SHORTEST, is_short
 from ...recording.record import Record

@@ -11,12 +11,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...estimation.fit import Fit
-from ...estimation.inference.evidence import LEAST_PRECISION, Gram, score
+from ...estimation.inference.evidence import LEAST_PRECISION, explained
 from ...estimation.scaling import size_of
 from ...inference.decisive import IMPLAUSIBLE
+from ...inference.gram import Gram
 from ...types import Array
 from ..answer.words import at
-from ..limits import CANCELLED, DRIFTING, EXACT, IMITATED, LITTLE
+from ..limits import CANCELLED, EXACT, IMITATED, LITTLE, WRONG_ANSWERS
 
 _DRIFTS = 2  # cosines of the record's length: what changes faster is left to the test of fit
 _STANDS = 'something that is not in the catalogue may be what they stand for'
@@ -39,7 +40,7 @@ def doubts(fit: Fit, slabs: list[float]) -> Iterator[str]:
         cause = fit.causes[least]
         what = f'{cause.title}{at(cause.where)}'
         yield f'but {what} is weakly supported, the other causes explain nearly all: {_STANDS}'
-    if 2.0 * drift_p(fit) < DRIFTING:
+    if 2.0 * drift_p(fit) < WRONG_ANSWERS:
         yield f'but the values drift along the record, if only together: {_STANDS}'
 
 
@@ -94,14 +95,10 @@ def drift_p(fit: Fit) -> float:
     columns = [fit.tangents * np.cos(k * phase)[:, None] for k in range(_DRIFTS + 1)]
     gram = Gram.of(np.concatenate(columns, axis=1), fit.data)
     alone = gram.without(len(fit.free), fit.precision + LEAST_PRECISION)
-    found = score(alone, sizes := np.tile(_sizes(fit), _DRIFTS), _unbounded(sizes), None)
+    gain, p_value = explained(alone, np.tile(_sizes(fit), _DRIFTS))
     together = np.sum([fit.changed(i) for i in range(len(fit.causes))], axis=0)
-    return found.p_value if found.gain > EXACT**2 * float(together @ together) else 1.0
+    return p_value if gain > EXACT**2 * float(together @ together) else 1.0
 
 
 def _sizes(fit: Fit) -> Array:
     return np.array([size_of(p) for _, p in fit.free])
-
-
-def _unbounded(sizes: Array) -> tuple[Array, Array]:
-    return np.full(len(sizes), -np.inf), np.full(len(sizes), np.inf)

@@ -64,8 +64,23 @@ class Formula:
     is_at_joint: bool
 
     @classmethod
-    def read(cls, name: str, where: str | None, given: Mapping[str, Any], place: str) -> Formula:
+    def read(
+        cls,
+        name: str,
+        where: str | None,
+        given: Mapping[str, Any],
+        place: str,
+        *,
+        is_known_motion: bool = False,
+    ) -> Formula:
         """From an entry of a robot file, checked as far as no robot is needed.
+
+        Args:
+            name: Of the formula.
+            where: Its place.
+            given: The entry.
+            place: Where that stands in the file.
+            is_known_motion: Whether it is asked along a known motion alone, see `quantities`.
 
         Raises:
             ConfigurationError: with the place in the entry.
@@ -82,7 +97,7 @@ class Formula:
             sections(DeclaredExtra, given, 'extra', place),
             not is_axis(where),
         )
-        formula._check(place)
+        formula._check(place, is_known_motion)
         return formula
 
     @staticmethod
@@ -167,7 +182,7 @@ class Formula:
         axis = {'torque': 'N m', 'force': 'N', 'gyro': 'rad/s', 'attitude': 'rad'}
         return axis[self.channel or self.key]
 
-    def _check(self, place: str) -> None:
+    def _check(self, place: str, is_known_motion: bool) -> None:
         at = f'{place}.{self.key}'
         Expression.parse(self.text, at)
         if self.is_at_joint and (self.key == 'force' or self.channel in ('gyro', 'attitude')):
@@ -175,7 +190,8 @@ class Formula:
             raise ConfigurationError(at, why)
         if self.channel in MEASURED and not self.is_at_joint:
             raise ConfigurationError(f'{place}.channel', 'is of a joint, not of an axis')
-        known = known_quantities(self.channel, self.is_at_joint, [name for name, _ in self.extra])
+        extra = [name for name, _ in self.extra]
+        known = known_quantities(self.channel, self.is_at_joint, extra, is_known_motion)
         own = dict(self.declared)
         for name in sorted(self.expression.names - set(own)):
             if not is_known(name, known):

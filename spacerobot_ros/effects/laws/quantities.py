@@ -15,6 +15,8 @@ AXES = ('x', 'y', 'z')
 READING = 'reading'
 OF_JOINTS = {'position': 'rad', 'rate': 'rad/s', 'effort': 'N m'}
 """With units of joints that turn."""
+OF_KNOWN_MOTIONS = {'acceleration': 'rad/s^2'}
+"""Of joints, too, along a motion that is known: forces that are simulated make it themselves."""
 OF_BASE = {'base_rate': tuple(AXES), 'attitude': tuple(a + b for a in AXES for b in AXES)}
 """With what may be in brackets behind them."""
 CHANNELS = {
@@ -56,18 +58,22 @@ def base_axes(robot: Robot) -> tuple[str, ...]:
     return tuple(f'{robot.base_link}/{axis}' for axis in AXES) if robot.is_free else ()
 
 
-def known_quantities(channel: str, is_at_joint: bool, extra: Sequence[str]) -> Quantities:
+def known_quantities(
+    channel: str, is_at_joint: bool, extra: Sequence[str], is_known_motion: bool = False
+) -> Quantities:
     """What a formula may take.
 
     Args:
         channel: That it changes; empty for a force.
         is_at_joint: Whether it acts at a joint, not at an axis of the base.
         extra: Names of what else is measured.
+        is_known_motion: Whether it is asked along a known motion alone.
     """
     joints: tuple[str | None, ...] = ('', None) if is_at_joint else (None,)
     out: dict[str, tuple[str | None, ...]] = {}
     for what in CHANNELS[channel] if channel else _OF_FORCES:
         out[what] = joints if what in OF_JOINTS else OF_BASE.get(what, ('',))
+    out |= dict.fromkeys(OF_KNOWN_MOTIONS if is_known_motion else (), joints)
     return {**out, 'time': ('',), **({'extra': tuple(extra)} if extra else {})}
 
 
@@ -91,8 +97,9 @@ def listed(known: Quantities) -> Iterator[str]:
 def unit_of(name: str, robot: Robot, where: str | None) -> str:
     """Unit of a quantity of joints, of the base or of time."""
     what, whose = parts(name)
-    if what in OF_JOINTS:
-        return robot.unit_of(OF_JOINTS[what], whose or str(where))
+    of_joints = {**OF_JOINTS, **OF_KNOWN_MOTIONS}
+    if what in of_joints:
+        return robot.unit_of(of_joints[what], whose or str(where))
     return {'time': 's', 'base_rate': 'rad/s', 'attitude': ''}[what]
 
 
@@ -100,7 +107,7 @@ def quantity_along(what: str, whose: str, motion: Motion) -> Array | None:
     """(N,) a quantity along a motion; None where the motion does not have it.
 
     Args:
-        what: What it is; `acceleration` of joints, too, which no formula may take.
+        what: What it is.
         whose: A joint, an axis, two of them, or a free name.
         motion: The motion.
     """

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -11,10 +11,10 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...effects.prior import NOTHING
+from ...inference.gram import Gram
 from ...model.robot import Robot
 from ...types import Array, BoolArray, IntArray
 from ..columns import Candidate
-from ..inference.evidence import Gram
 from .anchor import HELD, scale_columns, unanchored
 from .arm_candidates import GAIN, ZEROS, arm_candidates, candidates_of_recordings
 from .arm_columns import columns_of
@@ -63,16 +63,24 @@ class ArmRows:
             [*candidates_of_recordings(self.candidates, self.robot, count, loaded)]
         )
 
-    def with_more(self, more: Sequence[Candidate]) -> ArmRows:
-        """With further candidates, which no machine has unless they are chosen."""
+    def with_more(
+        self, more: Sequence[Candidate], about: Sequence[Balance] | None = None
+    ) -> ArmRows:
+        """With further candidates, which no machine has unless they are chosen.
+
+        Args:
+            more: The candidates.
+            about: Balances about which their columns are made; None: those of the rows.
+        """
         if not more:
             return self
         tolerances = [self.tolerances, *(NOTHING * c.sizes for c in more)]
         out = replace(
             self, candidates=(*self.candidates, *more), tolerances=np.concatenate(tolerances)
         )
-        both = zip(self.columns, columns_of(self.balances, more), strict=True)
+        both = zip(self.columns, columns_of(about or self.balances, more), strict=True)
         out.__dict__['columns'] = [np.concatenate(pair, axis=2) for pair in both]
+        out.__dict__['torques'] = self.torques
         return out
 
     @property
@@ -152,6 +160,10 @@ class ArmRows:
         ends = np.cumsum([len(c.sizes) for c in self.candidates]).tolist()
         return [np.arange(a, b) for a, b in pairwise([0, *ends])]
 
+    def acts_on(self, i: int, j: int) -> bool:
+        """Whether the rows of joint j show a candidate."""
+        return bool(np.any(self.joints[j].columns[:, self.places[i]]))
+
     def deviations(self, chosen: Iterable[int], absent: Iterable[int] = ()) -> Array:
         """(K,) the sizes of what is chosen and the tolerances of the rest, but for the absent."""
         out = self.tolerances.copy()
@@ -196,6 +208,14 @@ class ArmRows:
     def in_clusters(self) -> ArmRows:
         """The same rows in blocks that err each for itself."""
         return self._cut(clusters_of(self.balances))
+
+    def over(self, sizes: Mapping[int, Array]) -> ArmRows:
+        """The same by the sizes (M,) of the noise of rows, of some sets of `joints`."""
+        out = self._alike(self.about)
+        out.__dict__['joints'] = [
+            own.over(sizes[k]) if k in sizes else own for k, own in enumerate(self.joints)
+        ]
+        return out
 
     def _cut(self, blocks: list[IntArray]) -> ArmRows:
         out = self._alike(self.about)

@@ -9,9 +9,9 @@ import numpy as np
 
 from ...effects.effect import CHANNELS as SENSORS
 from ...effects.motion import Motion
+from ...inference.gram import Gram
 from ...model.robot import Robot
 from ...types import Array, IntArray
-from ..inference.evidence import Gram
 from ..inference.whiteness import whiteness
 from ..rows import ChannelError, ChannelFit
 from ..trajectory.reference import Kinematics

@@ -11,14 +11,14 @@ too, of a torque as large as the data: what tolerances or another column say alr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.fft import dct, idct
 
-from ...types import Array, BoolArray, IntArray
+from ...types import Array, IntArray
 from .evidence import inverse_of_positive
 
 _FIRST, _WIDER = 7, 1.25
@@ -29,8 +29,6 @@ _PASSES = 5
 _LEAST = 1e-6  # of the data's rms: no level is below
 _KEPT = 0.8  # of the terms: rows are 2.5 a period of the band
 _COLLINEAR = 1e-3  # of the square of normed columns: below, two are one
-_FREE = 10.0  # times what is left: an offset's prior deviation
-_WIDEST = 1e3  # times the data: a prior deviation beyond which nothing is tied any less
 
 
 def cosines(rows: Array) -> Array:
@@ -51,13 +49,10 @@ class Level:
 
     Args:
         scale: (M,) S. likelihood: Log likelihood, c and z integrated out, S at its best.
-        coefficients: (k,) c. covariance: (k, k) theirs.
     """
 
     scale: Array
     likelihood: float
-    coefficients: Array
-    covariance: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,45 +61,12 @@ class SpectralTerms:
 
     Args:
         data: (M,). nuisance: (M, r) Z.
-        is_free: (r,) whether it may be of any size; the others have a tolerance, beyond which
-            they are not, so that a law like them shows all the same.
         ends: Of all channels but the last, each of which has a level of its own.
-        offset: (M,) of unit length, of a constant that is free; empty: none is.
     """
 
     data: Array
     nuisance: Array
-    is_free: BoolArray
     ends: tuple[int, ...] = ()
-    offset: Array = field(default_factory=lambda: np.zeros(0))
-
-    @classmethod
-    def of(
-        cls,
-        data: Array,
-        nuisance: Array,
-        is_free: BoolArray,
-        whitened: Callable[[Array], Array],
-    ) -> SpectralTerms:
-        """Of rows (R,) and (R, r), whitened together; an offset is free."""
-        seen = np.any(nuisance != 0.0, axis=0)
-        offset = np.full((len(data), 1), _FREE * np.sqrt(np.mean(data**2)))
-        terms = cosines(whitened(np.column_stack([data, offset, nuisance[:, seen]])))
-        data, nuisance = terms[:, 0], terms[:, 1:]
-        free = np.concatenate([[True], is_free[seen]])
-        widest = _WIDEST * float(np.linalg.norm(data))
-        some, others = (_alike(nuisance[:, kind], widest) for kind in (free, ~free))
-        both = np.concatenate([some, others], axis=1)
-        is_free, constant = np.arange(both.shape[1]) < some.shape[1], terms[:, 1]
-        return cls(data, both, is_free, offset=constant / np.linalg.norm(constant))
-
-    def beside_offset(self, columns: Array) -> Array:
-        """(M, k) columns less what is constant of them; none of what is nothing else."""
-        if not len(self.offset):
-            return columns
-        left = columns - np.outer(self.offset, self.offset @ columns)
-        is_more = np.sum(left**2, axis=0) > _COLLINEAR * np.sum(columns**2, axis=0)
-        return np.asarray(left * is_more)
 
     @cached_property
     def size(self) -> float:
@@ -118,8 +80,7 @@ class SpectralTerms:
             columns: Theirs.
             scale: (M,) to begin with; None: of the data.
         """
-        r, (ways, back) = self.nuisance.shape[1], ways_of(columns)
-        both = np.concatenate([self.nuisance, self.size * ways], axis=1)
+        both = np.concatenate([self.nuisance, self.size * ways_of_each([columns])[0]], axis=1)
         if scale is None:
             scale = self._smooth(self.data**2)
         for _ in range(_PASSES):
@@ -127,12 +88,10 @@ class SpectralTerms:
             left = self.data - both @ mean
             known = np.sum((both @ covariance) * both, axis=1)
             scale = self._smooth(left**2 + known)
-        mean, covariance = _posterior(both, self.data, scale)
-        back = self.size * back
         white = Whitening(both, scale)
         rest = white(self.data)
         likelihood = -float(np.sum(np.log(scale))) - 0.5 * white.log_det - 0.5 * float(rest @ rest)
-        return Level(scale, likelihood, back @ mean[r:], back @ covariance[r:, r:] @ back.T)
+        return Level(scale, likelihood)
 
     def _smooth(self, squares: Array) -> Array:
         """(M,) root of the mean square of each bin, channel by channel."""
@@ -159,30 +118,10 @@ def _smoothed(squares: Array, least: Array) -> Array:
     return np.asarray(np.exp(0.5 * np.interp(at, middles, logs)))
 
 
-def _alike(columns: Array, widest: float) -> Array:
-    """(M, r) orthogonal columns of the same covariance Z Z^T, none larger than it may matter.
-
-    A newton metre all along is 10^8 deviations of a light joint's noise: in the squares of such
-    columns a law of 10^3 is lost among what rounding leaves.
-    """
-    ways, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(ways * np.minimum(sizes, widest))
-
-
-def ways_of(columns: Array) -> tuple[Array, Array]:
-    """(M, r) orthonormal directions of (M, k) columns, and (k, r) coefficients that make them."""
-    if not columns.shape[1]:
-        return columns, np.zeros((0, 0))
-    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    ways, values, vectors = np.linalg.svd(columns / size, full_matrices=False)
-    kept = values**2 > _COLLINEAR
-    return ways[:, kept], (vectors[kept] / values[kept, None]).T / size[:, None]
-
-
 def ways_of_each(groups: Sequence[Array]) -> list[Array]:
-    """Directions of each of many groups of columns, as `ways_of` has them."""
+    """(M, r) orthonormal directions of each of many groups of (M, k) columns."""
     out = list(groups)
-    for count in {columns.shape[1] for columns in groups}:
+    for count in {columns.shape[1] for columns in groups} - {0}:
         at = [i for i, columns in enumerate(groups) if columns.shape[1] == count]
         some = np.array([groups[i] for i in at])
         size = np.maximum(np.linalg.norm(some, axis=1, keepdims=True), 1e-300)
