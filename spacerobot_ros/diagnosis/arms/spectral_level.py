@@ -11,49 +11,81 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from ...estimation.balance.arm_candidates import ZEROS
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.inference.spectral_terms import Level, SpectralTerms, cosines
-from ...inference.gram_blocks import NEVER_HELD_OUT, GramBlocks
 from ...inference.hypotheses import Hypotheses
 from ...inference.hypothesis import Hypothesis
 from ...inference.model_search import ChosenSet
-from ...types import Array
+from ...types import Array, IntArray
 from ..limits import LINE
+from .arm_hypotheses import no_blocks
 from .fitted_arm import FittedArm
 
 _UNSEEN = 1e-2  # of the noise, all rows together: what no evidence shows
+
+
+class _Stretch(NamedTuple):
+    """Terms of rows, joint by joint; of columns those that the joint sees.
+
+    Args:
+        data: (M,) of each. columns: (M, k) of each. seen: (k,) which of K they are.
+    """
+
+    data: list[Array]
+    columns: list[Array]
+    seen: list[IntArray]
+
+    def whole(self, count: int) -> tuple[Array, Array]:
+        """(R,) and (R, K) of all joints."""
+        data, out = np.concatenate(self.data), np.zeros((sum(map(len, self.data)), count))
+        for rows, columns, seen in zip(
+            np.split(out, self.ends), self.columns, self.seen, strict=True
+        ):
+            rows[:, seen] = columns
+        return data, out
+
+    @property
+    def ends(self) -> list[int]:
+        """Of all joints but the last."""
+        return np.cumsum([len(x) for x in self.data])[:-1].tolist()
 
 
 class SpectralRows:
     """Rows as cosines, whose level is what a set of causes leaves in bins of frequency.
 
     Args:
-        rows: The recordings.
-        levels: (8,) variances by which rows are whitened first, see `ArmRows.joints`.
+        rows: The recordings, or some stretches of a long one.
         every: The hypotheses.
     """
 
-    def __init__(
-        self, rows: ArmRows, levels: Sequence[Array], every: Sequence[Hypothesis]
-    ) -> None:
+    def __init__(self, rows: ArmRows, every: Sequence[Hypothesis]) -> None:
         self._rows = rows
         self._every = [  # lower odds are those of what a level that is presumed leaves
             replace(h, log_odds=max(h.log_odds, 0.0)) if h.log_odds > -math.inf else h
             for h in every
         ]
-        data, columns = [], []
+        self._stretches = list[_Stretch]()
+        self._squares = np.zeros(len(rows.tolerances))
+
+    def add(self, rows: ArmRows, levels: Sequence[Array]) -> None:
+        """Add rows, whitened by (8,) variances, see `ArmRows.joints`."""
+        out = _Stretch([], [], [])
         for joint, variances in zip(rows.joints, levels, strict=True):
-            if len(joint.torque):
+            if len(joint.torque) and np.isfinite(variances).all():
                 torque, whitened, _ = joint.whitened(variances)
-                data.append(cosines(torque))
-                columns.append(cosines(whitened))
-        self._data, self._columns = np.concatenate(data), np.concatenate(columns)
-        self._ends = tuple(np.cumsum([len(x) for x in data])[:-1].tolist())
-        self._sizes = np.linalg.norm(self._columns, axis=0)
+                terms = cosines(whitened)
+                seen = np.flatnonzero(np.any(terms != 0.0, axis=0))
+                out.data.append(cosines(torque))
+                out.columns.append(terms[:, seen])
+                out.seen.append(seen)
+                self._squares[seen] += np.sum(out.columns[-1] ** 2, axis=0)
+        if out.data:
+            self._stretches.append(out)
 
     def unsupported(self, fit: FittedArm) -> set[int]:
         """Causes that are not worth their prior odds, weakest first.
@@ -88,26 +120,34 @@ class SpectralRows:
             chosen: The causes.
             known: Log evidence at the level that the rows are whitened by, of those asked.
         """
-        whole = self._level(chosen, np.ones(len(self._data)))
-        blocks = GramBlocks(self._columns.shape[1])
-        blocks.add(self._columns / whole.scale[:, None], self._data / whole.scale)
-        blocks.add_sums(self._rows.held, NEVER_HELD_OUT)
+        blocks, levels = no_blocks(self._rows), list[Level]()
+        for stretch in self._stretches:
+            data, columns = stretch.whole(blocks.count)
+            level = self._level(stretch, chosen, np.ones(len(data)))
+            blocks.add(columns / level.scale[:, None], data / level.scale)
+            levels.append(level)
         hypotheses = Hypotheses(blocks, self._every)
         beside, out = ChosenSet.of(hypotheses, chosen), {}
         for i in known:
             gone = hypotheses.dependents(beside.chosen, [i])
             evidence = _evidence(hypotheses, beside, i)
             if evidence <= LINE * known[i]:
-                without = self._level(beside.chosen - gone, whole.scale)
-                evidence = min(evidence, whole.likelihood - without.likelihood)
+                both = zip(self._stretches, levels, strict=True)
+                lost = (
+                    own.likelihood - self._level(it, beside.chosen - gone, own.scale).likelihood
+                    for it, own in both
+                )
+                evidence = min(evidence, sum(lost))
             out[i] = evidence + hypotheses.prior(gone)
         return out
 
-    def _level(self, chosen: Collection[int], scale: Array) -> Level:
+    def _level(self, stretch: _Stretch, chosen: Collection[int], scale: Array) -> Level:
         deviations = self._rows.deviations(chosen)
-        seen = self._sizes * deviations > _UNSEEN
-        prior = self._columns[:, seen] * deviations[seen]
-        terms = SpectralTerms(self._data, prior, np.zeros(prior.shape[1], dtype=bool), self._ends)
+        seen = np.sqrt(self._squares) * deviations > _UNSEEN
+        data, columns = stretch.whole(len(deviations))
+        prior = columns[:, seen] * deviations[seen]
+        ends, is_free = tuple(stretch.ends), np.zeros(prior.shape[1], dtype=bool)
+        terms = SpectralTerms(data, prior, is_free, ends)
         return terms.level(np.zeros((len(prior), 0)), scale)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from ...inference.decisive import MISFIT
 from ...inference.hypotheses import Hypotheses
 from ...inference.inferred import Inferred, InferredCause
 from ...types import Array
-from .linear_rows import LinearRows, variant_of
+from .linear_rows import LinearRows, Variant, variant_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,3 +75,14 @@ class Found:
         if len(kept) == len(self.fit.causes):
             return self.fit
         return refine(self.fit.run, [self.fit.causes[i] for i in kept])
+
+
+def rivals_of(inferred: Inferred) -> dict[Key, dict[Key, float]]:
+    """By cause, what the rows do not tell from it, with the log odds against that."""
+    out: dict[Key, dict[Key, float]] = {}
+    for cause in inferred.causes:
+        own = out.setdefault(variant_of(cause).key, {})
+        for other in cause.rivals:
+            for key in other.causes:
+                own.setdefault(cast(Variant, key).key, other.log_odds)
+    return out

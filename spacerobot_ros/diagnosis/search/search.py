@@ -29,7 +29,7 @@ from ...inference.inferred import Inferred, InferredCause, infer
 from ...inference.model_search import ChosenSet, best_set
 from ...types import Array
 from ..limits import AHEAD, AT_ONCE, CLEAR, CURVED, FITS, MOST_CAUSES
-from .found import Found
+from .found import Found, rivals_of
 from .linear_rows import CandidateColumns, LinearRows, Variant, variant_of
 from .timing import log_odds_of, timings
 
@@ -293,12 +293,7 @@ class RelinearizedSearch:
 
     def _rivals(self, inferred: Inferred) -> dict[Key, dict[Key, float]]:
         """By cause, what stands in its place with the log odds against it."""
-        out: dict[Key, dict[Key, float]] = {}
-        for cause in inferred.causes:
-            own = out.setdefault(variant_of(cause).key, {})
-            for other in cause.rivals:
-                for key in other.causes:
-                    own.setdefault(cast(Variant, key).key, other.log_odds)
+        out = rivals_of(inferred)
         for key, (gone, gap) in self._beaten.items():
             for one in gone if gap < CONFOUNDED else ():
                 out.get(one, {})[key] = gap

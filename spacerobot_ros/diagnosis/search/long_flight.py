@@ -1,0 +1,263 @@
+"""A record by prediction that is too long for memory: columns made stretch by stretch, summed.
+
+The search finds its linearization on one stretch. About that model the columns of all stretches
+are summed, each with a first state of its own; where the rows of what the sums want are not as
+promised, they are summed once more about that.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, reduce
+from typing import TypeVar, cast
+
+import numpy as np
+
+from ...effects.effect import Effect
+from ...estimation.columns import Candidate
+from ...estimation.fit import Fit
+from ...estimation.rows import ChannelError, ChannelFit, Rows
+from ...estimation.runs import Run
+from ...estimation.stretches import SHOWN, joined, thinned
+from ...identification.outliers import screened
+from ...inference.decisive import CLUSTERS, CONFOUNDED
+from ...inference.gram import Gram, sum_of
+from ...inference.gram_blocks import NEVER_HELD_OUT, GramBlocks, merged
+from ...inference.hypotheses import Hypotheses
+from ...inference.hypothesis import Hypothesis
+from ...inference.inferred import infer
+from ...recording.record import Record
+from ...types import Array
+from ..events.event import Events, Spans
+from ..events.impulses import impulse_events, spans_of
+from ..limits import MOST_CAUSES
+from .found import Found, rivals_of
+from .linear_rows import CandidateColumns, LinearRows, variant_of
+from .search import RelinearizedSearch
+
+T = TypeVar('T')
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """Stretches of a record, as what is the same for every model of them.
+
+    Args:
+        runs: Of each, in which nothing was computed.
+    """
+
+    runs: tuple[Run, ...]
+
+    @classmethod
+    def of(cls, records: Sequence[Record], like: Run) -> Flight:
+        """Of the stretches of a record, as one of them is taken."""
+        every = (screened(record, like.noise)[0] for record in records)
+        same = like.robot, like.believed, like.noise, like.timing
+        return cls(tuple(Run(record, *same) for record in every))
+
+    def each(self) -> Iterator[Run]:
+        """One after another; what is computed of one goes with it."""
+        for run in self.runs:
+            yield run.without(run.left_out)
+
+    def with_events(self, causes: Sequence[Effect]) -> tuple[Flight, Events]:
+        """Without the times of steps of a free base's momentum beside some causes, and these."""
+        if not self.runs[0].robot.is_free:
+            return self, Events()
+        found = [impulse_events(Fit(run, causes)) for run in self.each()]
+        events = reduce(Events.with_more, found)
+        spans: list[Spans] = [spans_of(own) if own.named else () for own in found]
+        runs = (run.without(own) for run, own in zip(self.runs, spans, strict=True))
+        return Flight(tuple(runs)), replace(events, notes=tuple(dict.fromkeys(events.notes)))
+
+    def summed(
+        self, causes: Sequence[Effect], pool: tuple[Candidate, ...]
+    ) -> tuple[LinearRows, GramBlocks]:
+        """The last stretch about a model with causes beside candidates, and the sums of all."""
+        parts = math.ceil(CLUSTERS / len(self.runs))
+        out: GramBlocks | None = None
+        for run in self.each():
+            fit = Fit(run, causes)
+            rows = LinearRows(fit, CandidateColumns.along(fit, pool))
+            own = rows.blocks(rows.data)
+            out = out or GramBlocks(own.count)
+            grams = merged(
+                own.grams(np.arange(own.count)), np.arange(CLUSTERS) * parts // CLUSTERS
+            )
+            for gram in grams:
+                out.add_sums(gram)
+            out.add_sums(replace(own.whole - sum_of(grams), rows=0), NEVER_HELD_OUT)
+        if out is None:
+            raise ValueError('no stretches')
+        return rows, out
+
+
+class LongFit(Fit):
+    """One model of all stretches: sums in place of rows.
+
+    Args:
+        flight: The stretches.
+        causes: Effects beyond the robot file's.
+        grams: Of its tangents, by time.
+    """
+
+    def __init__(self, flight: Flight, causes: Sequence[Effect], grams: Sequence[Gram]) -> None:
+        self.run, self.causes = flight.runs[0], tuple(causes)
+        self.traces = Traces(flight, self.causes)
+        self.rows = cast(Rows, self.traces)
+        self.gram = sum_of(grams)
+        self._flight, self._grams = flight, grams
+
+    def only(self, kept: Sequence[int]) -> LongFit:
+        """The same with some of the causes, at their values."""
+        own = np.concatenate([np.zeros(0, dtype=int), *(self.own(i) for i in kept)])
+        causes = [self.causes[i] for i in kept]
+        return LongFit(self._flight, causes, [gram.part(own) for gram in self._grams])
+
+    def drifting(self, count: int) -> Gram:
+        """See `Fit.drifting`; one phase for each part."""
+        middles = np.pi * (np.arange(len(self._grams)) + 0.5) / len(self._grams)
+        parts = []
+        for phase, gram in zip(middles, self._grams, strict=True):
+            shares = np.cos(np.arange(count) * phase)
+            matrix = np.asarray(np.kron(np.outer(shares, shares), gram.matrix), dtype=float)
+            vector = np.asarray(np.kron(shares, gram.vector))
+            parts.append(Gram(matrix, vector, gram.square, gram.rows))
+        return sum_of(parts)
+
+
+class Traces:
+    """What a model leaves of all stretches, as `Rows` say it of a record.
+
+    Args:
+        flight: The stretches. causes: The model's.
+    """
+
+    def __init__(self, flight: Flight, causes: tuple[Effect, ...]) -> None:
+        self._flight, self._causes = flight, causes
+
+    @cached_property
+    def _of_each(self) -> list[tuple[float, tuple[ChannelFit, ...], list[ChannelError]]]:
+        out, most = [], SHOWN // len(self._flight.runs)
+        for run in self._flight.each():
+            rows = run.rows(self._causes)
+            shown = [thinned(channel, most) for channel in rows.channels()]
+            out.append((float(rows.data @ rows.data), rows.whiteness()[1], shown))
+        return out
+
+    @property
+    def square(self) -> float:
+        """Of all whitened residuals."""
+        return sum(square for square, _, _ in self._of_each)
+
+    def whiteness(self) -> tuple[float | None, tuple[ChannelFit, ...]]:
+        """See `Rows.whiteness`: of every channel its worst stretch, for their number."""
+        out = list[ChannelFit]()
+        for same in _by_name((f.channel, f.axis, f) for _, fits, _ in self._of_each for f in fits):
+            worst = min(same, key=lambda fit: fit.p_value)
+            out.append(replace(worst, p_value=min(1.0, len(same) * worst.p_value)))
+        return min(1.0, len(out) * min((f.p_value for f in out), default=1.0)), tuple(out)
+
+    def channels(self) -> tuple[ChannelError, ...]:
+        """See `Rows.channels`; every few samples."""
+        names = ((c.channel, 0, c) for _, _, shown in self._of_each for c in shown)
+        return tuple(map(joined, _by_name(names)))
+
+
+def _by_name(every: Iterable[tuple[str, int, T]]) -> list[list[T]]:
+    """Those of one name and number together."""
+    out = dict[tuple[str, int], list[T]]()
+    for name, number, one in every:
+        out.setdefault((name, number), []).append(one)
+    return list(out.values())
+
+
+@dataclass(frozen=True, eq=False)
+class LongFound(Found):
+    """What a search on sums has found.
+
+    Args:
+        long_fit: The model with all causes along all stretches.
+        sums: Its causes in order, and all else.
+    """
+
+    long_fit: LongFit
+    sums: Hypotheses
+
+    @property
+    def fit(self) -> LongFit:
+        """The model with all causes."""
+        return self.long_fit
+
+    @property
+    def hypotheses(self) -> Hypotheses:
+        """The causes in the order of `fit`, and all else."""
+        return self.sums
+
+    def only(self, kept: Sequence[int]) -> LongFit:
+        """The fit with only some of its causes, at their values."""
+        return self.fit if len(kept) == len(self.fit.causes) else self.fit.only(kept)
+
+
+def find_in_stretches(
+    records: Sequence[Record],
+    first: Run,
+    kinds: Sequence[type[Effect]],
+    report: Callable[[str, float], None],
+) -> tuple[LongFound, Events]:
+    """Causes of all stretches, and steps of the momentum of a free base.
+
+    Args:
+        records: The stretches, by time.
+        first: One of them, on which the linearization is found.
+        kinds: Effects that may be causes.
+        report: Called with what is being done and the share done, from 0 to 1.
+    """
+    begun = RelinearizedSearch(first, kinds, report).find()
+    causes, pool = begun.fit.causes, begun.rows.columns.candidates
+    report('looking for events', 0.4)
+    flight, events = Flight.of(records, begun.fit.run).with_events(causes)
+    for is_last in (False, True):
+        report('summing over all stretches', 0.7 if is_last else 0.5)
+        rows, blocks = flight.summed(causes, pool)
+        every = [_barred(h) if is_last and _is_new(h) else h for h in rows.hypotheses]
+        inferred = infer(blocks, every, MOST_CAUSES)
+        keys = {cause.key for cause in inferred.causes}
+        chosen = [h for h in every if h.key in keys]
+        causes = _moved(rows, chosen, inferred.mean)
+        if any(map(_is_new, chosen)):
+            continue
+        own = np.concatenate([np.zeros(0, dtype=int), *(h.columns for h in chosen)])
+        values = inferred.mean[own]
+        fit = LongFit(flight, causes, [g.left(values) for g in blocks.grams(own) if g.rows])
+        promised = blocks.whole.part(own).misfit(values)
+        if is_last or fit.traces.square - promised <= 2.0 * CONFOUNDED:
+            break
+    rest = [_barred(h) for h in every if h.key not in keys]
+    return LongFound(
+        null=LongFit(flight, (), [Gram(np.zeros((0, 0)), np.zeros(0), 0.0, 0)]),
+        rows=rows,
+        inferred=inferred,
+        rivals=rivals_of(inferred),
+        long_fit=fit,
+        sums=Hypotheses(blocks, [*chosen, *rest]),
+    ), events
+
+
+def _is_new(h: Hypothesis) -> bool:
+    """Whether the model about which columns were made has it not."""
+    return variant_of(h).number >= 0
+
+
+def _barred(h: Hypothesis) -> Hypothesis:
+    return replace(h, log_odds=-math.inf)
+
+
+def _moved(rows: LinearRows, chosen: Sequence[Hypothesis], mean: Array) -> tuple[Effect, ...]:
+    """Causes with the values of coefficients (K,)."""
+    ahead = rows.fit.moved(mean[: len(rows.fit.free)] - rows.offsets)
+    held = {cause.key: cause for cause in ahead}
+    guesses = zip(chosen, rows.guesses(chosen, mean), strict=True)
+    return tuple(held.get(variant_of(h).key, guess).canonical() for h, guess in guesses)
