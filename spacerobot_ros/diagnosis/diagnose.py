@@ -163,7 +163,7 @@ def _long(
         noise, notes = noise_levels(robot.sensors, record)
         middle, _ = screened(long.every[long.sample[len(long.sample) // 2]], noise)
         run = Run(middle, robot, believed, noise)
-        flight, steps = find_in_stretches(long.every, run, kinds, report)
+        flight, steps = find_in_stretches(long, run, kinds, report)
         return with_events(_concluded(flight, (*notes, long.note), report), steps)
     sample = [long.every[i] for i in long.sample]
     balances = [balance_of(record, robot, believed) for record in sample]

@@ -17,8 +17,9 @@ PER_SAMPLE = 2500.0
 """Bytes that a diagnosis needs a sample and joint squared: every joint adds rows and columns, each
 held a few times. `python -m validation bench.scaling` measures 2300 to 2950, 3200 at most."""
 MOST_MEMORY = 4e9  # bytes; a record that needs more is summed over stretches
-STRETCH_MEMORY = 7e8
-"""Of each: of two hours of seven joints the record, its sums and what is loaded are 0.8 GB."""
+STRETCH_MEMORY = 5e8
+"""Of each, whose search needs twice that: of two hours of seven joints the record, its sums and
+what is loaded are 0.8 GB."""
 _LEAST = 20.0  # s: no stretch is shorter, whose start and end would be most of it
 _SAMPLED = 5  # stretches that together need no more than `MOST_MEMORY`
 SHOWN = 20_000  # samples of a channel that plots keep

@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from ...estimation.balance.arm_candidates import ZEROS
 from ...estimation.balance.arm_rows import ArmRows
@@ -21,7 +22,7 @@ from ...estimation.inference.spectral_terms import Level, SpectralTerms, cosines
 from ...inference.hypotheses import Hypotheses
 from ...inference.hypothesis import Hypothesis
 from ...inference.model_search import ChosenSet
-from ...types import Array, IntArray
+from ...types import Array
 from ..limits import LINE
 from .arm_hypotheses import no_blocks
 from .fitted_arm import FittedArm
@@ -30,29 +31,15 @@ _UNSEEN = 1e-2  # of the noise, all rows together: what no evidence shows
 
 
 class _Stretch(NamedTuple):
-    """Terms of rows, joint by joint; of columns those that the joint sees.
+    """Terms of rows, joint after joint.
 
     Args:
-        data: (M,) of each. columns: (M, k) of each. seen: (k,) which of K they are.
+        data: (R,). columns: (R, K), most of them zero. ends: Of all joints but the last.
     """
 
-    data: list[Array]
-    columns: list[Array]
-    seen: list[IntArray]
-
-    def whole(self, count: int) -> tuple[Array, Array]:
-        """(R,) and (R, K) of all joints."""
-        data, out = np.concatenate(self.data), np.zeros((sum(map(len, self.data)), count))
-        for rows, columns, seen in zip(
-            np.split(out, self.ends), self.columns, self.seen, strict=True
-        ):
-            rows[:, seen] = columns
-        return data, out
-
-    @property
-    def ends(self) -> list[int]:
-        """Of all joints but the last."""
-        return np.cumsum([len(x) for x in self.data])[:-1].tolist()
+    data: Array
+    columns: csr_array
+    ends: tuple[int, ...]
 
 
 class SpectralRows:
@@ -74,18 +61,17 @@ class SpectralRows:
 
     def add(self, rows: ArmRows, levels: Sequence[Array]) -> None:
         """Add rows, whitened by (8,) variances, see `ArmRows.joints`."""
-        out = _Stretch([], [], [])
+        data, columns = list[Array](), list[Array]()
         for joint, variances in zip(rows.joints, levels, strict=True):
             if len(joint.torque) and np.isfinite(variances).all():
                 torque, whitened, _ = joint.whitened(variances)
-                terms = cosines(whitened)
-                seen = np.flatnonzero(np.any(terms != 0.0, axis=0))
-                out.data.append(cosines(torque))
-                out.columns.append(terms[:, seen])
-                out.seen.append(seen)
-                self._squares[seen] += np.sum(out.columns[-1] ** 2, axis=0)
-        if out.data:
-            self._stretches.append(out)
+                data.append(cosines(torque))
+                columns.append(cosines(whitened))
+        if data:
+            whole, ends = np.concatenate(columns), np.cumsum([len(x) for x in data])[:-1]
+            self._squares += np.sum(whole**2, axis=0)
+            terms = np.concatenate(data), csr_array(whole), tuple(ends.tolist())
+            self._stretches.append(_Stretch(*terms))
 
     def unsupported(self, fit: FittedArm) -> set[int]:
         """Causes that are not worth their prior odds, weakest first.
@@ -122,9 +108,9 @@ class SpectralRows:
         """
         blocks, levels = no_blocks(self._rows), list[Level]()
         for stretch in self._stretches:
-            data, columns = stretch.whole(blocks.count)
-            level = self._level(stretch, chosen, np.ones(len(data)))
-            blocks.add(columns / level.scale[:, None], data / level.scale)
+            level = self._level(stretch, chosen, np.ones(len(stretch.data)))
+            columns = stretch.columns.toarray()
+            blocks.add(columns / level.scale[:, None], stretch.data / level.scale)
             levels.append(level)
         hypotheses = Hypotheses(blocks, self._every)
         beside, out = ChosenSet.of(hypotheses, chosen), {}
@@ -144,10 +130,9 @@ class SpectralRows:
     def _level(self, stretch: _Stretch, chosen: Collection[int], scale: Array) -> Level:
         deviations = self._rows.deviations(chosen)
         seen = np.sqrt(self._squares) * deviations > _UNSEEN
-        data, columns = stretch.whole(len(deviations))
-        prior = columns[:, seen] * deviations[seen]
-        ends, is_free = tuple(stretch.ends), np.zeros(prior.shape[1], dtype=bool)
-        terms = SpectralTerms(data, prior, is_free, ends)
+        prior = stretch.columns.toarray()[:, seen] * deviations[seen]
+        is_free = np.zeros(prior.shape[1], dtype=bool)
+        terms = SpectralTerms(stretch.data, prior, is_free, stretch.ends)
         return terms.level(np.zeros((len(prior), 0)), scale)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, reduce
+from functools import cached_property, partial, reduce
 from typing import TypeVar, cast
 
 import numpy as np
@@ -20,12 +20,11 @@ from ...estimation.columns import Candidate
 from ...estimation.fit import Fit
 from ...estimation.rows import ChannelError, ChannelFit, Rows
 from ...estimation.runs import Run
-from ...estimation.stretches import SHOWN, joined, thinned
+from ...estimation.stretches import SHOWN, LongRecord, joined, thinned
 from ...identification.outliers import screened
 from ...inference.decisive import CLUSTERS, CONFOUNDED
 from ...inference.gram import Gram, sum_of
 from ...inference.gram_blocks import NEVER_HELD_OUT, GramBlocks, merged
-from ...inference.hypotheses import Hypotheses
 from ...inference.hypothesis import Hypothesis
 from ...inference.inferred import infer
 from ...recording.record import Record
@@ -36,6 +35,7 @@ from ..limits import MOST_CAUSES
 from .found import Found, rivals_of
 from .linear_rows import CandidateColumns, LinearRows, variant_of
 from .search import RelinearizedSearch
+from .timing import log_odds_of, timings
 
 T = TypeVar('T')
 
@@ -61,6 +61,15 @@ class Flight:
         """One after another; what is computed of one goes with it."""
         for run in self.runs:
             yield run.without(run.left_out)
+
+    def timing(self, fit: Fit) -> str:
+        """How efforts act, most probably, beside the causes of a fit."""
+
+        def log_odds(timing: str) -> float:
+            fits = (Fit(run.timed(timing), fit.causes) for run in self.each())
+            return log_odds_of(timing) - 0.5 * sum(own.misfit for own in fits)
+
+        return max(timings(fit), key=log_odds)
 
     def with_events(self, causes: Sequence[Effect]) -> tuple[Flight, Events]:
         """Without the times of steps of a free base's momentum beside some causes, and these."""
@@ -100,21 +109,21 @@ class LongFit(Fit):
     Args:
         flight: The stretches.
         causes: Effects beyond the robot file's.
-        grams: Of its tangents, by time.
+        grams: Of its tangents, by time; none of a model that is only shown.
     """
 
-    def __init__(self, flight: Flight, causes: Sequence[Effect], grams: Sequence[Gram]) -> None:
+    def __init__(
+        self, flight: Flight, causes: Sequence[Effect], grams: Sequence[Gram] = ()
+    ) -> None:
         self.run, self.causes = flight.runs[0], tuple(causes)
         self.traces = Traces(flight, self.causes)
         self.rows = cast(Rows, self.traces)
-        self.gram = sum_of(grams)
-        self._flight, self._grams = flight, grams
+        self._grams = grams
 
-    def only(self, kept: Sequence[int]) -> LongFit:
-        """The same with some of the causes, at their values."""
-        own = np.concatenate([np.zeros(0, dtype=int), *(self.own(i) for i in kept)])
-        causes = [self.causes[i] for i in kept]
-        return LongFit(self._flight, causes, [gram.part(own) for gram in self._grams])
+    @cached_property
+    def gram(self) -> Gram:
+        """See `Fit.gram`."""
+        return sum_of(self._grams)
 
     def drifting(self, count: int) -> Gram:
         """See `Fit.drifting`; one phase for each part."""
@@ -174,54 +183,30 @@ def _by_name(every: Iterable[tuple[str, int, T]]) -> list[list[T]]:
     return list(out.values())
 
 
-@dataclass(frozen=True, eq=False)
-class LongFound(Found):
-    """What a search on sums has found.
-
-    Args:
-        long_fit: The model with all causes along all stretches.
-        sums: Its causes in order, and all else.
-    """
-
-    long_fit: LongFit
-    sums: Hypotheses
-
-    @property
-    def fit(self) -> LongFit:
-        """The model with all causes."""
-        return self.long_fit
-
-    @property
-    def hypotheses(self) -> Hypotheses:
-        """The causes in the order of `fit`, and all else."""
-        return self.sums
-
-    def only(self, kept: Sequence[int]) -> LongFit:
-        """The fit with only some of its causes, at their values."""
-        return self.fit if len(kept) == len(self.fit.causes) else self.fit.only(kept)
-
-
 def find_in_stretches(
-    records: Sequence[Record],
+    long: LongRecord,
     first: Run,
     kinds: Sequence[type[Effect]],
     report: Callable[[str, float], None],
-) -> tuple[LongFound, Events]:
+) -> tuple[Found, Events]:
     """Causes of all stretches, and steps of the momentum of a free base.
 
     Args:
-        records: The stretches, by time.
+        long: The stretches.
         first: One of them, on which the linearization is found.
         kinds: Effects that may be causes.
         report: Called with what is being done and the share done, from 0 to 1.
     """
-    begun = RelinearizedSearch(first, kinds, report).find()
-    causes, pool = begun.fit.causes, begun.rows.columns.candidates
+    search = RelinearizedSearch(first, kinds, report)
+    begun = search.find()
+    causes = begun.fit.causes
     report('looking for events', 0.4)
-    flight, events = Flight.of(records, begun.fit.run).with_events(causes)
+    sample = Flight.of([long.every[i] for i in long.sample], begun.fit.run)
+    run = begun.fit.run.timed(sample.timing(begun.fit))
+    flight, events = Flight.of(long.every, run).with_events(causes)
     for is_last in (False, True):
         report('summing over all stretches', 0.7 if is_last else 0.5)
-        rows, blocks = flight.summed(causes, pool)
+        rows, blocks = flight.summed(causes, search.candidates)
         every = [_barred(h) if is_last and _is_new(h) else h for h in rows.hypotheses]
         inferred = infer(blocks, every, MOST_CAUSES)
         keys = {cause.key for cause in inferred.causes}
@@ -236,14 +221,8 @@ def find_in_stretches(
         if is_last or fit.traces.square - promised <= 2.0 * CONFOUNDED:
             break
     rest = [_barred(h) for h in every if h.key not in keys]
-    return LongFound(
-        null=LongFit(flight, (), [Gram(np.zeros((0, 0)), np.zeros(0), 0.0, 0)]),
-        rows=rows,
-        inferred=inferred,
-        rivals=rivals_of(inferred),
-        long_fit=fit,
-        sums=Hypotheses(blocks, [*chosen, *rest]),
-    ), events
+    again, order = partial(LongFit, flight), [*chosen, *rest]
+    return Found(again(()), fit, blocks, order, inferred, rivals_of(inferred), again), events
 
 
 def _is_new(h: Hypothesis) -> bool:

@@ -12,12 +12,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple, cast
 
 import numpy as np
 
 from ...effects.effect import Effect, Key
+from ...estimation.columns import Candidate
 from ...estimation.fit import Fit
 from ...estimation.refit import refine
 from ...estimation.runs import Run
@@ -96,11 +97,19 @@ class RelinearizedSearch:
         while True:
             while self._moves_to_columns():
                 pass
-            inferred = infer(self._now.blocks(self._now.data), self._open(), MOST_CAUSES)
+            blocks = self._now.blocks(self._now.data)
+            inferred = infer(blocks, self._open(), MOST_CAUSES)
             if not self._moves_by(inferred):
                 break
-        null = Fit(run.timed(self._now.fit.run.timing), ())
-        return Found(null, self._now, inferred, self._rivals(inferred))
+        now, rivals = self._now, self._rivals(inferred)
+        null = Fit(run.timed(now.fit.run.timing), ())
+        again = partial(refine, now.fit.run)
+        return Found(null, now.fit, blocks, now.hypotheses, inferred, rivals, again)
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Whose columns were made about the last model."""
+        return self._now.columns.candidates
 
     def _about(self, fit: Fit) -> LinearRows:
         self._report('judging every effect at every place', 0.2)
