@@ -16,7 +16,7 @@ in the band.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +27,7 @@ from ...inference.decisive import CONFOUNDED
 from ...types import Array, BoolArray, IntArray
 from ..answer.result import Order
 
-_FINE = 2.5  # orders by resolution, 1 / reach
-_SHORT = 0.02  # turns; a shorter way tells no orders apart
+_FINE, _SHORT = 2.5, 0.02  # orders by resolution, 1 / reach; turns that tell no orders apart
 _BINS = 8  # a period of the highest order: a bin's width costs 5 % of its square
 _CLASS = 1.25  # of speeds: highest by lowest
 _SLOW = 0.3  # of the usual speed, which has the Nyquist order
@@ -36,9 +35,10 @@ BAND = (6.0, 0.45)  # Hz; of the rate of the samples
 FEWEST = 400  # samples
 
 _CHANCE = 1e-7  # of a peak so high anywhere
-_ABOVE = 3.0  # times the median of its neighbours, else it is a broad hump
-_NEAR = 0.25  # of its order: neighbours
-_MOST, _LESSER = 3, 0.2  # lines against an angle; of the highest
+_ABOVE, _NEAR = 3.0, 0.25  # times the median of neighbours, so near by order: else a broad hump
+MOST, _LESSER = 3, 0.2  # lines against an angle; of the highest
+_NEARLY = 0.8  # of what a line explains: angles that turn alike, but for noise of their rates
+ONE = 0.02  # of its order: by which lines that are one may differ
 _SKIRT, _SKIRT_SHARE = 2.0, 0.02  # of the resolution; of the order: lines that are one
 _SMOOTH = 31  # lines of a spectrum, over which its level is taken
 _PADDED = 4  # times the samples: frequencies of these sines
@@ -86,6 +86,18 @@ class OrderSpectrum:
         """(N,) where an order's frequency lies within the band."""
         frequency = order * self.speed
         return (frequency > self.band[0]) & (frequency < self.band[1])
+
+    def nearest(self, white: Array, i: int, at: BoolArray) -> tuple[float, float]:
+        """`power` of the order that explains most between an order's neighbours, and that order.
+
+        Args:
+            white: (N,) values.
+            i: Number of the order.
+            at: (N,) samples that are taken.
+        """
+        spacing = float(self.orders[1] - self.orders[0]) if len(self.orders) > 1 else 0.0
+        near = (self.orders[i] + spacing * _TRIED).tolist()
+        return max((power(white[at], k * self.angle[at]), k) for k in near)
 
     def powers(self, values: Array) -> Array:
         """(K,) half the squares of unit noise that each order explains of (N,) white values.
@@ -140,12 +152,8 @@ def power(values: Array, phases: Array) -> float:
     return 0.5 * fitted(values, phases)[2] / max(float(np.mean(values**2)), 1e-300)
 
 
-Signal = tuple[Array, Array]
-"""(N,) what is fast of one; (N,) the same with a flat spectrum."""
-
-
-def fast_of(values: Array, step: float) -> Signal:
-    """The part of values (N,), so far apart [s], above the band of slow motion."""
+def _fast_of(values: Array, step: float) -> tuple[Array, Array]:
+    """(N,) the part of values, so far apart [s], above the slow band; (N,) of flat spectrum."""
     fast = values - sosfiltfilt(butter(3, BAND[0], fs=1.0 / step, output='sos'), values)
     spectrum = np.fft.rfft(fast)
     level = np.sqrt(np.convolve(np.abs(spectrum) ** 2, np.ones(_SMOOTH) / _SMOOTH, 'same'))
@@ -154,44 +162,59 @@ def fast_of(values: Array, step: float) -> Signal:
 
 
 def lines_of(
-    signal: Signal, spectrum: OrderSpectrum, name: tuple[str, str, str]
-) -> Iterator[tuple[Order, float]]:
-    """The highest lines of a signal against an angle, where they are no chance and no hump.
-
-    Nor may a sine of the time explain as much: the two are told apart as two causes are.
+    values: Array, step: float, spectra: Mapping[str, OrderSpectrum], unit: str, channel: str = ''
+) -> Iterator[Order]:
+    """Lines of a signal against angles, but those that another one tells as two causes do.
 
     Args:
-        signal: See `fast_of`.
-        spectrum: Of the angle.
-        name: Joint or wheel that turns, unit and channel of the signal.
-
-    Returns:
-        Each with half the squares of unit noise that it explains.
+        values: (N,) of the signal.
+        step: Between them [s].
+        spectra: Of the angles, by joint or wheel.
+        unit: Of the signal.
+        channel: Its name.
     """
-    orders, white, highest = spectrum.orders, signal[1].copy(), 0.0
+    fast, white = _fast_of(values, step)
+    for place, own in spectra.items():
+        for line, explained in _highest(fast, white.copy(), own, (place, unit, channel)):
+            others = (other for other in spectra.values() if other is not own)
+            most = max((_rival_power(white, own, line.order, it) for it in others), default=0.0)
+            if explained > most + CONFOUNDED and most < _NEARLY * explained:
+                yield line
+
+
+def _highest(
+    fast: Array, white: Array, spectrum: OrderSpectrum, name: tuple[str, str, str]
+) -> Iterator[tuple[Order, float]]:
+    """The highest lines against one angle, where they are no chance and no hump, and `power`.
+
+    Nor may a sine of the time explain as much: the two are told apart as two causes are.
+    """
+    (place, unit, channel), orders, highest = name, spectrum.orders, 0.0
     is_left = np.ones(len(orders), dtype=bool)
-    for _ in range(_MOST if len(orders) else 0):
+    for _ in range(MOST if len(orders) else 0):
         powers = spectrum.powers(white) * is_left
         i = int(np.argmax(powers))
         highest = max(highest, float(powers[i]))
         near = is_left & (np.abs(orders - orders[i]) < _NEAR * orders[i])
-        line, explained = _line(signal[0], white, spectrum, i, name)
+        at = spectrum.seen(float(orders[i]))
+        explained, order = spectrum.nearest(white, i, at)
+        sine, cosine, _ = fitted(fast[at], order * spectrum.angle[at])
+        p_value = min(1.0, len(orders) * math.exp(-min(explained, 700.0)))
         is_sharp = powers[i] >= max(_ABOVE * float(np.median(powers[near])), _LESSER * highest)
-        if line.p_value > _CHANCE or not is_sharp:
+        if p_value > _CHANCE or not is_sharp:
             return
-        at = spectrum.seen(line.order)
+        at = spectrum.seen(order)
         if explained > _power_by_time(np.where(at, white, 0.0)) + CONFOUNDED:
-            yield line, explained
-        phases = line.order * spectrum.angle[at]
+            size, phase = math.hypot(sine, cosine), math.atan2(cosine, sine)
+            yield Order(place, unit, order, size, phase, p_value, channel), explained
+        phases = order * spectrum.angle[at]
         sine, cosine, _ = fitted(white[at], phases)
         white[at] -= sine * np.sin(phases) + cosine * np.cos(phases)
-        skirt = max(_SKIRT / spectrum.reach, _SKIRT_SHARE * line.order)
-        is_left &= np.abs(orders - line.order) >= skirt
+        skirt = max(_SKIRT / spectrum.reach, _SKIRT_SHARE * order)
+        is_left &= np.abs(orders - order) >= skirt
 
 
-def rival_power(
-    white: Array, own: OrderSpectrum, order: float, other: OrderSpectrum, width: float
-) -> float:
+def _rival_power(white: Array, own: OrderSpectrum, order: float, other: OrderSpectrum) -> float:
     """Half the squares of unit noise that the best order of another angle explains in its place.
 
     Args:
@@ -199,42 +222,14 @@ def rival_power(
         own: Of the angle of the line.
         order: Of the line.
         other: Of an angle that turns at about the same time.
-        width: Of the frequency, by which the line in its place may differ.
     """
     at = own.seen(order)
     ratio = float(np.sum(own.speed[at]) / np.sum(other.speed[at] + 1e-300))
-    orders, angle = other.orders, other.angle[at]
-    a, b = np.searchsorted(orders, [order * ratio * share for share in (1.0 - width, 1.0 + width)])
-    best = max(range(a, b), key=lambda i: power(white[at], orders[i] * angle), default=None)
-    near = [] if best is None else _about(orders, best)
-    return max((power(white[at], k * angle) for k in near), default=0.0)
-
-
-def _line(
-    fast: Array, white: Array, spectrum: OrderSpectrum, i: int, name: tuple[str, str, str]
-) -> tuple[Order, float]:
-    """The line about an order, at the order between its neighbours that explains most.
-
-    Args:
-        fast: (N,) the signal, of the amplitude.
-        white: (N,) what other lines leave of it, of a flat spectrum.
-        spectrum: Of the angle.
-        i: Number of the order.
-        name: See `lines_of`.
-    """
-    orders, at = spectrum.orders, spectrum.seen(float(spectrum.orders[i]))
-    angle, (place, unit, channel) = spectrum.angle[at], name
-    best, order = max((power(white[at], k * angle), k) for k in _about(orders, i))
-    sine, cosine, _ = fitted(fast[at], order * angle)
-    p_value = min(1.0, len(orders) * math.exp(-min(best, 700.0)))
-    amplitude, phase = math.hypot(sine, cosine), math.atan2(cosine, sine)
-    return Order(place, unit, order, amplitude, phase, p_value, channel), best
-
-
-def _about(orders: Array, i: int) -> list[float]:
-    """Orders from the one before to the one behind."""
-    spacing = float(orders[1] - orders[0]) if len(orders) > 1 else 0.0
-    return (orders[i] + spacing * _TRIED).tolist()
+    orders = other.orders
+    a, b = np.searchsorted(orders, [order * ratio * share for share in (1.0 - ONE, 1.0 + ONE)])
+    each = ((power(white[at], orders[i] * other.angle[at]), -i) for i in range(a, b))
+    best = max(each, default=None)
+    return 0.0 if best is None else other.nearest(white, -best[1], at)[0]
 
 
 def _power_by_time(values: Array) -> float:

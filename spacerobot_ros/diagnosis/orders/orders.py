@@ -13,20 +13,15 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from ...inference.decisive import CONFOUNDED
 from ...recording.record import Record
 from ...types import Array, BoolArray
 from ..answer.result import Order
-from .order_lines import BAND, FEWEST, OrderSpectrum, Signal, fast_of, lines_of, rival_power
+from .order_lines import BAND, FEWEST, MOST, ONE, OrderSpectrum, lines_of
 
 _HIGHEST = 1000.0  # periods a turn
 _HIGHEST_SLIDING = 2.0 * math.pi / 1e-3  # rad/m: threads of a millimetre
 _LEAST = 8.0  # periods a turn of a joint: fewer are slow enough for the balance
-_COARSE = 0.2  # sample steps a period of the band: more are none
-_HOLE = 3.0  # times the usual step between samples
-_MOST = 3  # lines of a wheel
-_NEARLY = 0.8  # of what a line explains: two wheels that turn alike, but for noise of their rates
-_ONE = 0.02  # of its order: lines that are one
+_COARSE, _HOLE = 0.2, 3.0  # most sample steps a period of the band; times a usual step
 
 
 def _grid(*every: Array) -> tuple[Array, float, BoolArray] | None:
@@ -72,9 +67,8 @@ def _of_joint(record: Record, j: int, joint: str, unit: str) -> list[Order]:
         return []
     q, effort = (np.interp(grid[0], record.joint_time, x[:, j]) for x in (record.q, record.effort))
     highest = _HIGHEST_SLIDING if unit == 'N' else _HIGHEST
-    spectrum = OrderSpectrum(q, *grid[1:], _LEAST, highest)
-    every = lines_of(fast_of(effort, grid[1]), spectrum, (joint, unit, ''))
-    return [line for line, _ in every]
+    spectra = {joint: OrderSpectrum(q, *grid[1:], _LEAST, highest)}
+    return [*lines_of(effort, grid[1], spectra, unit)]
 
 
 def wheel_orders(record: Record, units: Mapping[str, str]) -> dict[str, list[Order]]:
@@ -98,8 +92,8 @@ def wheel_orders(record: Record, units: Mapping[str, str]) -> dict[str, list[Ord
             for wheel, angle in zip(wheels.names, angles(grid[0]).T, strict=True)
         }
         for channel, unit, values in signals:
-            signal = fast_of(np.interp(grid[0], at, values), grid[1])
-            for line in _distinguished(signal, spectra, unit, channel):
+            own = np.interp(grid[0], at, values)
+            for line in lines_of(own, grid[1], spectra, unit, channel):
                 found[line.joint].append(line)
     return {wheel: _clearest(own) for wheel, own in found.items()}
 
@@ -116,23 +110,10 @@ def _signals(
         yield record.effort_time, [it for it in efforts if not np.isnan(it[2]).any()]
 
 
-def _distinguished(
-    signal: Signal, spectra: Mapping[str, OrderSpectrum], unit: str, channel: str
-) -> Iterator[Order]:
-    """Lines of a signal against wheels, but those that another wheel tells as two causes do."""
-    for wheel, own in spectra.items():
-        for line, explained in lines_of(signal, own, (wheel, unit, channel)):
-            others = (other for other in spectra.values() if other is not own)
-            rivals = (rival_power(signal[1], own, line.order, it, _ONE) for it in others)
-            most = max(rivals, default=0.0)
-            if explained > most + CONFOUNDED and most < _NEARLY * explained:
-                yield line
-
-
 def _clearest(orders: Sequence[Order]) -> list[Order]:
     """The clearest lines of a wheel: of those of one order in several signals the first."""
     out: list[Order] = []
     for order in sorted(orders, key=lambda it: it.p_value):
-        if all(abs(order.order - known.order) > _ONE * known.order for known in out):
+        if all(abs(order.order - known.order) > ONE * known.order for known in out):
             out.append(order)
-    return out[:_MOST]
+    return out[:MOST]
