@@ -8,6 +8,7 @@ promised, they are summed once more about that.
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial, reduce
@@ -38,6 +39,7 @@ from .search import RelinearizedSearch
 from .timing import log_odds_of, timings
 
 T = TypeVar('T')
+_BLOCKS = 2 * CLUSTERS  # of all stretches: more say the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,21 +87,22 @@ class Flight:
         self, causes: Sequence[Effect], pool: tuple[Candidate, ...]
     ) -> tuple[LinearRows, GramBlocks]:
         """The last stretch about a model with causes beside candidates, and the sums of all."""
-        parts = math.ceil(CLUSTERS / len(self.runs))
-        out: GramBlocks | None = None
-        for run in self.each():
+        parts, sums = math.ceil(CLUSTERS / len(self.runs)), defaultdict[int, list[Gram]](list)
+        rounding = list[Gram]()
+        for i, run in enumerate(self.each()):
             fit = Fit(run, causes)
             rows = LinearRows(fit, CandidateColumns.along(fit, pool))
             own = rows.blocks(rows.data)
-            out = out or GramBlocks(own.count)
-            grams = merged(
-                own.grams(np.arange(own.count)), np.arange(CLUSTERS) * parts // CLUSTERS
-            )
-            for gram in grams:
-                out.add_sums(gram)
-            out.add_sums(replace(own.whole - sum_of(grams), rows=0), NEVER_HELD_OUT)
-        if out is None:
-            raise ValueError('no stretches')
+            labels = np.arange(CLUSTERS) * parts // CLUSTERS
+            grams = merged(own.grams(np.arange(own.count)), labels)
+            for k, gram in enumerate(grams, i * parts):
+                block = sums[k * min(_BLOCKS, parts * len(self.runs)) // (parts * len(self.runs))]
+                block[:] = [sum_of([*block, gram])]
+            rounding[:] = [sum_of([*rounding, own.whole - sum_of(grams)])]
+        out = GramBlocks(own.count)
+        for (gram,) in sums.values():
+            out.add_sums(gram)
+        out.add_sums(replace(rounding[0], rows=0), NEVER_HELD_OUT)
         return rows, out
 
 
@@ -116,8 +119,8 @@ class LongFit(Fit):
         self, flight: Flight, causes: Sequence[Effect], grams: Sequence[Gram] = ()
     ) -> None:
         self.run, self.causes = flight.runs[0], tuple(causes)
-        self.traces = Traces(flight, self.causes)
-        self.rows = cast(Rows, self.traces)
+        self.left = _Left(flight, self.causes)
+        self.rows = cast(Rows, self.left)
         self._grams = grams
 
     @cached_property
@@ -137,7 +140,7 @@ class LongFit(Fit):
         return sum_of(parts)
 
 
-class Traces:
+class _Left:
     """What a model leaves of all stretches, as `Rows` say it of a record.
 
     Args:
@@ -218,7 +221,7 @@ def find_in_stretches(
         values = inferred.mean[own]
         fit = LongFit(flight, causes, [g.left(values) for g in blocks.grams(own) if g.rows])
         promised = blocks.whole.part(own).misfit(values)
-        if is_last or fit.traces.square - promised <= 2.0 * CONFOUNDED:
+        if is_last or fit.left.square - promised <= 2.0 * CONFOUNDED:
             break
     rest = [_barred(h) for h in every if h.key not in keys]
     again, order = partial(LongFit, flight), [*chosen, *rest]
