@@ -133,13 +133,15 @@ def floated(robot, time_s, motion, rng):
     return np.array(tau), {'rates': RateSeries(to_stamps(time_s), gyro)}
 
 
-def measure(n: int, duration: float, states_noise: bool, few: bool, folder: Path) -> dict:
+def measure(
+    n: int, duration: float, states_noise: bool, few: bool, folder: Path, base: str = 'fixed'
+) -> dict:
     """Cost of one diagnosis in this process."""
     from spacerobot_ros.diagnosis.diagnose import diagnose
     from spacerobot_ros.effects.catalogue import CATALOGUE
     from spacerobot_ros.effects.robot_file import load_robot_file
 
-    file = load_robot_file(robot_file(n, states_noise, folder))
+    file = load_robot_file(robot_file(n, states_noise, folder, base))
     kinds = [CATALOGUE[name] for name in FEW] if few else list(CATALOGUE.values())
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     diagnose(record_of(file.robot, 8.0), file.robot, file.effects, kinds)  # compiles

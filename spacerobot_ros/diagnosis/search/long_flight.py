@@ -8,7 +8,6 @@ promised, they are summed once more about that.
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial, reduce
@@ -87,22 +86,23 @@ class Flight:
         self, causes: Sequence[Effect], pool: tuple[Candidate, ...]
     ) -> tuple[LinearRows, GramBlocks]:
         """The last stretch about a model with causes beside candidates, and the sums of all."""
-        parts, sums = math.ceil(CLUSTERS / len(self.runs)), defaultdict[int, list[Gram]](list)
-        rounding = list[Gram]()
+        sums, whole = dict[int, Gram](), list[Gram]()
+        parts = math.ceil(CLUSTERS / len(self.runs))  # of each stretch
+        labels, share = np.arange(CLUSTERS) * parts // CLUSTERS, _BLOCKS / len(self.runs) / parts
         for i, run in enumerate(self.each()):
             fit = Fit(run, causes)
             rows = LinearRows(fit, CandidateColumns.along(fit, pool))
             own = rows.blocks(rows.data)
-            labels = np.arange(CLUSTERS) * parts // CLUSTERS
+            whole = [sum_of([*whole, own.whole])]
             grams = merged(own.grams(np.arange(own.count)), labels)
             for k, gram in enumerate(grams, i * parts):
-                block = sums[k * min(_BLOCKS, parts * len(self.runs)) // (parts * len(self.runs))]
-                block[:] = [sum_of([*block, gram])]
-            rounding[:] = [sum_of([*rounding, own.whole - sum_of(grams)])]
+                at = int(k * min(share, 1.0))
+                sums[at] = sums[at] + gram if at in sums else gram
         out = GramBlocks(own.count)
-        for (gram,) in sums.values():
+        for gram in sums.values():
             out.add_sums(gram)
-        out.add_sums(replace(rounding[0], rows=0), NEVER_HELD_OUT)
+        rounding = whole[0] - out.whole
+        out.add_sums(replace(rounding, rows=0), NEVER_HELD_OUT)
         return rows, out
 
 
