@@ -15,6 +15,7 @@ from ..estimation.balance.motor_constants import as_recorded
 from ..estimation.fit import Fit
 from ..estimation.noise_levels import noise_levels
 from ..estimation.runs import Run
+from ..estimation.stretches import LongRecord
 from ..estimation.trajectory.observations import observed, refuse_unbalanced
 from ..identification.outliers import screened
 from ..inference.decisive import MISFIT
@@ -26,6 +27,7 @@ from .answer.result import Diagnosis
 from .arms.arm_conclusion import conclude_arm, still_answer
 from .arms.arm_found import ArmFound, refuse_rest
 from .arms.arms import find_arm_causes
+from .arms.long_arm import Stretches
 from .discovery.discover import discover
 from .discovery.other_recording import unmeasured_inputs, unshared_extras
 from .events.arm_events import arm_events
@@ -35,9 +37,9 @@ from .limits import UNLIKE_STEPS
 from .lone_bodies.spinning import diagnose_spin, is_spinning
 from .lone_bodies.thrust import diagnose_thrust, has_pose_and_thrust
 from .orders.orders import find_orders, wheel_orders
-from .pieces import diagnose_pieces, pieces_of
 from .search.conclusion import conclude
 from .search.found import Found
+from .search.long_flight import find_in_stretches
 from .search.predictable import is_predictable
 from .search.search import RelinearizedSearch
 from .search.timing import in_words
@@ -75,15 +77,7 @@ def diagnose(
     """
     every = [records] if isinstance(records, Record) else list(records)
     kinds = kinds_beside(believed) if catalogue is None else list(catalogue)
-    pieces = pieces_of(every[0])
-    if len(every) == 1 < len(pieces):
-
-        def judge(piece: Record, some: Sequence[type[Effect]]) -> Diagnosis:
-            return _diagnosed([piece], robot, believed, some, lambda what, share: None, ())
-
-        answer = diagnose_pieces(pieces, kinds, judge, report)
-    else:
-        answer = _diagnosed(every, robot, believed, kinds, report, loaded)
+    answer = _diagnosed(every, robot, believed, kinds, report, loaded)
     named = [c.applied.key for c in (*answer.causes, *answer.minor)]
     alike = unasked(robot, named, {kind.id for kind in kinds})
     lacking = (*unmeasured_inputs(believed, every), *unshared_extras(every))
@@ -98,7 +92,7 @@ def _diagnosed(
     report: Callable[[str, float], None],
     loaded: Sequence[int],
 ) -> Diagnosis:
-    """What `diagnose` says of records that fit into memory."""
+    """What `diagnose` says of the machine; notes of what is alike and lacking are its own."""
     if loaded:
         refuse_unbalanced(every, robot)
     measured = []
@@ -110,28 +104,79 @@ def _diagnosed(
     robot = as_recorded(robot, measured)
     if len(measured) > 1:
         refuse_unbalanced(measured, robot)
-    balanced = not (robot.is_free or robot.without_constant or measured[0].effort is None)
+    if len(measured) == 1 and (long := LongRecord.of(measured[0])):
+        return _long(long, measured[0], robot, believed, kinds, report)
+    balanced = _is_balanced(measured[0], robot)
     balances = [balance_of(record, robot, believed) for record in measured * balanced]
     if still := _at_rest(balances, measured):
         return still
-    found: ArmFound | None = None
     if len(measured) > 1:
         found = find_arm_causes(measured, robot, believed, kinds, report, loaded)
         return conclude_arm(*discover(found, report), (_TOGETHER,))
-    noise, notes = noise_levels(robot.sensors, measured[0])
-    if _is_of_unknown_noise(measured[0], robot):
-        found = find_arm_causes(measured, robot, believed, kinds, report)
-        is_whole = not (_lacks_efforts(measured[0]) or robot.passive_joints or robot.rate_only)
+    return _of_one(measured[0], balances, robot, believed, kinds, report)
+
+
+def _of_one(
+    record: Record,
+    balances: Sequence[Balance],
+    robot: Robot,
+    believed: Sequence[Effect],
+    kinds: Sequence[type[Effect]],
+    report: Callable[[str, float], None],
+) -> Diagnosis:
+    """The answer for one record that fits into memory."""
+    found: ArmFound | None = None
+    noise, notes = noise_levels(robot.sensors, record)
+    if _is_of_unknown_noise(record, robot):
+        found = find_arm_causes([record], robot, believed, kinds, report)
+        is_whole = not (_lacks_efforts(record) or robot.passive_joints or robot.rate_only)
         is_whole = is_whole and not robot.without_constant
         if not (is_whole and is_predictable(found, noise, kinds)):
             return _balanced(found, notes, report)
-    record, left_out = screened(measured[0], noise)
+    record, left_out = screened(record, noise)
     notes = (*notes, *left_out)
     run = Run(record, robot, believed, noise)
     answer = _predicted(run, balances, kinds, notes, report)
     if found is None or answer.verdict in ('consistent', 'explained'):
         return answer
     return _balanced(found, notes, report)  # what is left is no noise of sensors, after all
+
+
+def _is_balanced(record: Record, robot: Robot) -> bool:
+    """Whether the torques of a record can be balanced, all of them by a known constant."""
+    return not (robot.is_free or robot.without_constant or record.effort is None)
+
+
+def _long(
+    long: LongRecord,
+    record: Record,
+    robot: Robot,
+    believed: Sequence[Effect],
+    kinds: Sequence[type[Effect]],
+    report: Callable[[str, float], None],
+) -> Diagnosis:
+    """The answer for a record that is summed over stretches: by balance, where it can be.
+
+    Laws are of a sample, so that they are said and not applied.
+    """
+    if not (_is_balanced(record, robot) or _is_of_unknown_noise(record, robot)):
+        noise, notes = noise_levels(robot.sensors, record)
+        middle, _ = screened(long.every[long.sample[len(long.sample) // 2]], noise)
+        run = Run(middle, robot, believed, noise)
+        flight, steps = find_in_stretches(long, run, kinds, report)
+        return with_events(_concluded(flight, (*notes, long.note), report), steps)
+    sample = [long.every[i] for i in long.sample]
+    balances = [balance_of(record, robot, believed) for record in sample]
+    if not any(b.arm.is_moving.any() for b in balances):
+        _, events = Stretches.of(long.every, robot).with_events(believed, None)
+        if not (events.named or events.possible):
+            refuse_rest(balances, sample)
+        return still_answer(balances, events)
+    found = find_arm_causes(sample, robot, believed, kinds, report, long=long)
+    _, leftover = discover(found, report)
+    said = tuple(replace(entry, applied=None) for entry in leftover)
+    of_sample = f'levels of noise, laws and lines are of {len(sample)} of them'
+    return conclude_arm(found, said, (f'{long.note}; {of_sample}',))
 
 
 def _balanced(

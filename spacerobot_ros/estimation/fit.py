@@ -12,6 +12,7 @@ import numpy as np
 from ..effects.effect import Effect
 from ..effects.parameter import Parameter
 from ..errors import ConfigurationError
+from ..inference.gram import Gram
 from ..types import Array, IntArray
 from .columns import STEPS, Signatures
 from .inference.evidence import price
@@ -94,6 +95,11 @@ class Fit:
             [(own + i, moved, step) for i, moved, step in moves],
         )
 
+    @cached_property
+    def gram(self) -> Gram:
+        """Sums over the rows: tangents (P) and whitened residuals."""
+        return Gram.of(self.tangents, self.data)
+
     @property
     def precision(self) -> Array:
         """(P,) prior precision of every coordinate."""
@@ -108,7 +114,7 @@ class Fit:
         if not (math.isfinite(self.misfit) and self.is_followed):
             return -math.inf
         sizes = np.array([spread_of(p) for _, p in self.free])
-        scaled = sizes[:, None] * (self.tangents.T @ self.tangents) * sizes
+        scaled = sizes[:, None] * self.gram.matrix * sizes
         values = np.linalg.eigvalsh(scaled) if len(sizes) else np.zeros(0)
         return -0.5 * self.misfit - price(values, len(self.data))
 
@@ -120,10 +126,17 @@ class Fit:
         except ConfigurationError:
             return False
 
-    def changed(self, index: int) -> Array:
-        """(R,) what a cause takes from the rows, by all that its entry is in proportion to."""
-        moved = [k for k in self.own(index) if self.free[k][1].role in PROPORTIONAL]
-        return np.asarray(self.tangents[:, moved] @ self.offsets[moved])
+    def share(self, index: int) -> Array:
+        """(P,) coordinates of what a cause's entry is in proportion to; of all else none."""
+        counts = [i == index and p.role in PROPORTIONAL for i, p in self.free]
+        return np.where(counts, self.offsets, 0.0)
+
+    def drifting(self, count: int) -> Gram:
+        """Sums of tangents times so many cosines of the record's length, 1 the first."""
+        times = self.rows.row_times
+        phase = np.pi * (times - times[0]) / (times[-1] - times[0])
+        columns = [self.tangents * np.cos(k * phase)[:, None] for k in range(count)]
+        return Gram.of(np.concatenate(columns, axis=1), self.data)
 
     def covariance(self) -> Array:
         """(P, P) of the coordinates, by the level of the noise alone."""
@@ -131,7 +144,7 @@ class Fit:
             return np.zeros((0, 0))
         # what the data do not tell is as uncertain as it was thought possible
         weak = np.array([spread_of(p) for _, p in self.free]) ** -2.0
-        return np.asarray(np.linalg.inv(self.tangents.T @ self.tangents + np.diag(weak)))
+        return np.asarray(np.linalg.inv(self.gram.matrix + np.diag(weak)))
 
     def standard_deviations(self) -> list[dict[str, float]]:
         """Of every cause's parameters, in their own units, by the level of the noise alone."""
@@ -145,7 +158,7 @@ class Fit:
     @property
     def slope(self) -> Array:
         """(P,) minus half the derivative of the misfit by every coordinate."""
-        return np.asarray(self.tangents.T @ self.data - self.precision * self.offsets)
+        return np.asarray(self.gram.vector - self.precision * self.offsets)
 
     def moved(self, change: Array) -> list[Effect]:
         """The causes with every coordinate changed, within its bounds."""

@@ -77,7 +77,7 @@ def _step(fit: Fit, earlier: Sequence[Secant]) -> list[Effect] | None:
         return None
     # nothing moves farther at once than it was thought possible
     spread = np.array([spread_of(p) for _, p in fit.free])
-    information = fit.tangents.T @ fit.tangents + np.diag(spread**-2.0)
+    information = fit.gram.matrix + np.diag(spread**-2.0)
     for change, lost in earlier:
         information = _corrected(information, change, lost)
     slope = fit.slope

@@ -58,11 +58,16 @@ def nearest(
         planes = np.vstack([planes, *(plane for plane, _ in found)])
         levels = np.append(levels, [level for _, level in found])
         z = _least_distance(planes @ root, levels - planes @ mean)
-        before, loss = loss, 0.5 * float(z @ z)
+        before, loss = loss, 0.5 * float(np.linalg.norm(z)) ** 2
+        if not loss < _IMPOSSIBLE:  # no point is allowed, but for rounding
+            return np.clip(x, *bounds), math.inf
         x = mean + root @ z
         if loss > enough or (inequalities and loss - before < CUT_LOSS and before > 0.0):
             break
     return np.clip(x, *bounds), loss
+
+
+_IMPOSSIBLE = 1e100  # nats, which rounding alone makes
 
 
 def _violated_bounds(
@@ -121,4 +126,4 @@ def _least_distance(rows: Array, right: Array) -> Array:
     target[-1] = 1.0
     weights, _ = nnls(stacked, target, maxiter=CUTS * len(right))
     left = stacked @ weights - target
-    return np.asarray(-size * left[:-1] / left[-1])
+    return np.asarray(-size * left[:-1] / min(left[-1], -np.finfo(float).tiny))

@@ -61,6 +61,11 @@ class Gram:
             + coefficients @ self.matrix @ coefficients
         )
 
+    def left(self, coefficients: Array) -> Gram:
+        """The same of the rows that coefficients (K,) leave."""
+        vector = self.vector - self.matrix @ coefficients
+        return Gram(self.matrix, vector, self.misfit(coefficients), self.rows)
+
     def part(self, chosen: IntArray) -> Gram:
         """The same with only the chosen columns."""
         matrix = self.matrix[chosen[:, None], chosen]

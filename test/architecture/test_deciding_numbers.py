@@ -18,7 +18,7 @@ MODULES = sorted(
     path
     for room in ('inference', 'diagnosis')
     for path in (PACKAGE / room).rglob('*.py')
-    if path not in TABLES and path.parent.name not in OWN and not path.name.startswith('pieces')
+    if path not in TABLES and path.parent.name not in OWN
 )
 
 

@@ -384,7 +384,7 @@ def test_a_law_of_a_joint_that_slides_has_its_units(rng):
         seen(rng, q, 3.0 * qdd + 60.0 * qd**3, 0.05), lone_joint('prismatic', '1 0 0')
     )
     (entry,) = found.leftover
-    assert entry.form == 'x^3'
+    assert entry.form == 'x**3'
     (coefficient,) = entry.coefficients
     assert abs(coefficient.value + 60.0) < 4.0 * coefficient.std
     assert coefficient.unit == 'N s^3/m^3'

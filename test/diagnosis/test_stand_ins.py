@@ -82,7 +82,7 @@ def test_thrusters_against_each_other_are_what_they_are(tmp_path):
     run = Run(record, file.robot, (), noise_levels(file.robot.sensors, record)[0], 'held_before')
     kind = CATALOGUE['thruster_gain']
     fit = Fit(run, [kind(name=name, where=name, values={'gain': 0.7}) for name in 'AB'])
-    one, other = fit.changed(0), fit.changed(1)
+    one, other = (fit.tangents @ fit.share(i) for i in range(2))
     assert one @ one + other @ other > CANCELLED * (one + other) @ (one + other)
     assert cancellation(fit) < CANCELLED
 
@@ -96,7 +96,7 @@ def test_what_adds_little_to_the_others_may_be_what_a_wrong_name_left(run, stron
     kinds = [CATALOGUE[name] for name in ('external_torque_body', 'gyro_bias')]
     unit = {'x': 1e-3, 'y': 0.0, 'z': 0.0}
     small = Fit(run, [kind(name=kind.id, where=None, values=unit) for kind in kinds])
-    torque, bias = small.changed(0), small.changed(1)
+    torque, bias = (small.tangents @ small.share(i) for i in range(2))
     others = small.tangents[:, small.own(0)]
     alone = bias - others @ np.linalg.lstsq(others, bias, rcond=None)[0]
     sizes = strong / np.linalg.norm(torque), weak / np.linalg.norm(alone)

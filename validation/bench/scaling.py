@@ -24,66 +24,124 @@ from validation.urdf import chain
 
 RATE = 100.0  # Hz
 HIDDEN = 3.0  # N m s/rad at joint_2
+FREE_STD = {'gyro_std': 2e-5}
 STD = {'joint_position_std': 2e-5, 'joint_effort_std': 0.05}
+_BASE = (
+    '<link name="base_link"><inertial><origin xyz="0 0 0"/><mass value="200"/>'
+    '<inertia ixx="40" iyy="35" izz="30" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+)
 FEW = ('joint_viscous_friction', 'joint_coulomb_friction', 'torque_sensor_bias')
 
 
-def robot_file(n: int, states_noise: bool, folder: Path) -> Path:
-    """A chain of n joints on the ground, axes z and y in turn."""
+def robot_file(n: int, states_noise: bool, folder: Path, base: str = 'fixed') -> Path:
+    """A chain of n joints on the ground or in space, axes z and y in turn."""
     masses = [8.0 / k for k in range(1, n + 1)]
     links = [
         (*('0 0 0.25', axis, '0.02 0 0.1', m), f'{0.01 * m} {0.01 * m} {0.005 * m}', 1e4)
         for m, axis in zip(masses, cycle('zy'), strict=False)
     ]
-    (folder / 'arm.urdf').write_text(chain(links, velocity=9.0), encoding='utf-8')
-    noise = f'sensors: {json.dumps(STD)}' if states_noise else ''
+    urdf = chain(links, velocity=9.0)
+    if base == 'free':
+        urdf = urdf.replace('<link name="base_link"/>', _BASE)
+    (folder / 'arm.urdf').write_text(urdf, encoding='utf-8')
+    std = STD | (FREE_STD if base == 'free' else {})
+    noise = f'sensors: {json.dumps(std)}' if states_noise else ''
+    gravity = -9.81 * (base == 'fixed')
     names = ', '.join(f'joint_{k}' for k in range(1, n + 1))
     path = folder / 'arm.yaml'
     path.write_text(
-        f'/**:\n  ros__parameters:\n    robot:\n      urdf: arm.urdf\n      base: fixed\n'
-        f'      gravity: [0.0, 0.0, -9.81]\n      joints: [{names}]\n    {noise}\n',
+        f'/**:\n  ros__parameters:\n    robot:\n      urdf: arm.urdf\n      base: {base}\n'
+        f'      base_link: base_link\n'
+        f'      gravity: [0.0, 0.0, {gravity}]\n      joints: [{names}]\n    {noise}\n',
         encoding='utf-8',
     )
     return path
 
 
+def motion_of(n, time_s, rng):
+    """Positions, rates and accelerations that never repeat."""
+    import numpy as np
+
+    w = rng.uniform(0.3, 2.5, (4, n))
+    phase, size = rng.uniform(0.0, 6.3, (4, n)), 0.5 / (1.0 + w)
+    angle = w * time_s[:, None, None] + phase
+    return (
+        np.sum(size * np.sin(angle), axis=1),
+        np.sum(size * w * np.cos(angle), axis=1),
+        -np.sum(size * w**2 * np.sin(angle), axis=1),
+    )
+
+
 def record_of(robot, duration, seed=0):
-    """A motion that never repeats, and what it takes."""
+    """A motion of an arm on the ground, or of one on a free base, and what it takes."""
     import numpy as np
     import pinocchio as pin
 
     from spacerobot_ros.recording.record import JointSeries, Record, to_stamps
 
-    rng, n = np.random.default_rng(seed), robot.n_joints
-    model = pin.buildModelFromXML(robot.urdf)
-    model.gravity.linear = robot.gravity
-    data, time_s = model.createData(), np.arange(0.0, duration, 1.0 / RATE)
-    w = rng.uniform(0.3, 2.5, (4, n))
-    phase, size = rng.uniform(0.0, 6.3, (4, n)), 0.5 / (1.0 + w)
-    angle = w * time_s[:, None, None] + phase
-    q = np.sum(size * np.sin(angle), axis=1)
-    qd = np.sum(size * w * np.cos(angle), axis=1)
-    qdd = -np.sum(size * w**2 * np.sin(angle), axis=1)
-    tau = np.array([pin.rnea(model, data, *row) for row in zip(q, qd, qdd, strict=True)])
+    rng, time_s = np.random.default_rng(seed), np.arange(0.0, duration, 1.0 / RATE)
+    q, qd, qdd = motion_of(robot.n_joints, time_s, rng)
+    more = {}
+    if robot.is_free:
+        tau, more = floated(robot, time_s, (q, qd, qdd), rng)
+    else:
+        model = pin.buildModelFromXML(robot.urdf)
+        model.gravity.linear = robot.gravity
+        data = model.createData()
+        tau = np.array([pin.rnea(model, data, *row) for row in zip(q, qd, qdd, strict=True)])
     tau[:, 1] += HIDDEN * qd[:, 1]
-    return Record(
-        JointSeries(
-            robot.joints,
-            to_stamps(time_s),
-            q + STD['joint_position_std'] * rng.normal(size=q.shape),
-            None,
-            tau + STD['joint_effort_std'] * rng.normal(size=q.shape),
-        )
+    joints = JointSeries(
+        robot.joints,
+        to_stamps(time_s),
+        q + STD['joint_position_std'] * rng.normal(size=q.shape),
+        None,
+        tau + STD['joint_effort_std'] * rng.normal(size=q.shape),
     )
+    return Record(joints, **more)
 
 
-def measure(n: int, duration: float, states_noise: bool, few: bool, folder: Path) -> dict:
+def floated(robot, time_s, motion, rng):
+    """Torques of a free base without momentum, and what its gyro sees."""
+    import numpy as np
+    import pinocchio as pin
+
+    from spacerobot_ros.recording.record import RateSeries, to_stamps
+
+    model = pin.buildModelFromXML(robot.urdf, pin.JointModelFreeFlyer())
+    model.gravity.linear[:] = 0.0
+    data, full, step = model.createData(), pin.neutral(model), 1.0 / RATE
+    tau, omega = [], []
+
+    def rates(angles, speeds):
+        full[7:] = angles
+        pin.crba(model, data, full)
+        matrix = pin.computeCentroidalMap(model, data, full)
+        return np.concatenate([np.linalg.solve(matrix[:, :6], -matrix[:, 6:] @ speeds), speeds])
+
+    for angles, speeds, bends in zip(*motion, strict=True):
+        v = rates(angles, speeds)
+        still = np.concatenate([np.zeros(6), bends])
+        drift = pin.rnea(model, data, full, v, still)[:6]
+        inertia = pin.crba(model, data, full)[:6, :6]
+        a = np.concatenate([np.linalg.solve(inertia, -drift), bends])
+        tau.append(pin.rnea(model, data, full, v, a)[6:].copy())
+        omega.append(v[3:6].copy())
+        between = angles + 0.5 * step * speeds + 0.125 * step**2 * bends
+        middle = rates(between, speeds + 0.5 * step * bends)
+        full[:] = pin.integrate(model, full, step * middle)
+    gyro = np.array(omega) + FREE_STD['gyro_std'] * rng.normal(size=(len(time_s), 3))
+    return np.array(tau), {'rates': RateSeries(to_stamps(time_s), gyro)}
+
+
+def measure(
+    n: int, duration: float, states_noise: bool, few: bool, folder: Path, base: str = 'fixed'
+) -> dict:
     """Cost of one diagnosis in this process."""
     from spacerobot_ros.diagnosis.diagnose import diagnose
     from spacerobot_ros.effects.catalogue import CATALOGUE
     from spacerobot_ros.effects.robot_file import load_robot_file
 
-    file = load_robot_file(robot_file(n, states_noise, folder))
+    file = load_robot_file(robot_file(n, states_noise, folder, base))
     kinds = [CATALOGUE[name] for name in FEW] if few else list(CATALOGUE.values())
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     diagnose(record_of(file.robot, 8.0), file.robot, file.effects, kinds)  # compiles

@@ -66,10 +66,7 @@ def conclude_arm(
         doubtful and verdict == 'explained'
     ):  # a law is no named cause, and it is no noise
         verdict = 'partly_explained'
-    channels = series(
-        _levelled(found.fit.rows.balances[0].channels(), found.levels),
-        _levelled(found.extended[0].channels(), found.levels),
-    )
+    channels = series(*(_levelled(traces.channels, found.levels) for traces in found.traces))
     residuals = tuple(
         Residual(
             channel=s.channel,
@@ -161,7 +158,7 @@ def _cause(found: ArmFound, k: int, excess: float) -> Cause:
         rivals=rivals_of(found.fit.rows, inferred),
         thresholds={p.name: p for p in thresholds},
         relevant=share > RELEVANT,
-        held_out_recordings=tuple(inferred.gains.tolist()) if len(found.records) > 1 else None,
+        held_out_recordings=None if found.is_one else tuple(inferred.gains.tolist()),
     )
 
 
@@ -216,17 +213,22 @@ def _gain(before: Array, after: Array, count: int) -> Gain:
 
 def _recordings(found: ArmFound) -> tuple[RecordingMisfit, ...]:
     """What is left of every recording, before and after."""
-    every = zip(found.records, found.fit.rows.balances, found.extended, found.ratios, strict=True)
+    if found.is_one:
+        before, after = (traces.rms for traces in found.traces)
+        pairs, ratios = [(before, after)], [after / before]
+    else:
+        both = zip(found.fit.rows.balances, found.extended, strict=True)
+        pairs, ratios = [(rms([b]), rms([a])) for b, a in both], [*found.ratios]
     return tuple(
         RecordingMisfit(
             source=record.source,
-            rms_before=overall(rms([before])),
-            rms_after=overall(rms([after])),
+            rms_before=overall(before),
+            rms_after=overall(after),
             worse={
                 joint: float(ratio)
-                for joint, ratio in zip(found.robot.joints, ratios, strict=True)
+                for joint, ratio in zip(found.robot.joints, own, strict=True)
                 if ratio > WORSE
             },
         )
-        for record, before, after, ratios in every
+        for record, (before, after), own in zip(found.records, pairs, ratios, strict=False)
     )

@@ -21,6 +21,7 @@ from ..events.arm_events import ArmEvents
 from ..events.event import Spans
 from ..limits import ENOUGH_ROWS, FEWEST_ROWS
 from .fitted_arm import FittedArm
+from .long_arm import Stretches, Traces
 
 WORSE = 1.02
 """Of a joint's rms in a recording as it is: the most that an extended model may leave of it."""
@@ -43,6 +44,7 @@ class ArmFound:
             their own spread, and corrections of the file within its tolerance.
         learned: Laws that nobody has named, see `discovery`.
         events: What came from outside; all else is found without those times.
+        stretches: All of a record that is too long for memory, of which `records` are a sample.
     """
 
     records: tuple[Record, ...]
@@ -57,13 +59,32 @@ class ArmFound:
     constants: tuple[Effect, ...] = ()
     learned: tuple[Effect, ...] = ()
     events: ArmEvents = field(default_factory=ArmEvents)
+    stretches: Stretches | None = None
+
+    @property
+    def is_one(self) -> bool:
+        """Whether all is of one recording."""
+        return len(self.records) == 1 or self.stretches is not None
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """Of the extended model."""
+        found = (*self.named, *self.calibration, *self.learned)
+        return (*self.believed, *self.constants, *found)
 
     @cached_property
     def extended(self) -> tuple[Balance, ...]:
         """The recordings under the extended model."""
-        effects = (*self.believed, *self.constants, *self.named, *self.calibration)
-        effects += self.learned
-        return tuple(balances_of(self.records, self.robot, effects, self.events.left_out))
+        return tuple(balances_of(self.records, self.robot, self.effects, self.events.left_out))
+
+    @cached_property
+    def traces(self) -> tuple[Traces, Traces]:
+        """What the model and the extended model leave."""
+        if self.stretches is None:
+            return Traces.of(self.fit.rows.balances), Traces.of(self.extended)
+        known = (*self.believed, *self.constants)
+        both = (Traces.along(self.stretches, effects) for effects in (known, self.effects))
+        return next(both), next(both)
 
     @cached_property
     def ratios(self) -> Array:

@@ -103,10 +103,19 @@ def blocks_of(rows: ArmRows, levels: Sequence[Array]) -> GramBlocks:
         rows: The rows.
         levels: (8,) variances of what is left of every set of `ArmRows.joints`.
     """
-    clusters = rows.in_clusters
+    out = no_blocks(rows)
+    add_blocks(out, rows.in_clusters, levels)
+    return out
+
+
+def no_blocks(rows: ArmRows) -> GramBlocks:
+    """No rows but those that hold the scale of what nothing measured tells."""
     out = GramBlocks(len(rows.tolerances))
-    pairs = zip(clusters.parts(levels), clusters.recording.tolist(), strict=True)
-    for gram, recording in pairs:
-        out.add_sums(gram, recording)
     out.add_sums(rows.held, NEVER_HELD_OUT)
     return out
+
+
+def add_blocks(blocks: GramBlocks, clusters: ArmRows, levels: Sequence[Array]) -> None:
+    """Add every cluster of some rows, whitened."""
+    for gram, recording in zip(clusters.parts(levels), clusters.recording.tolist(), strict=True):
+        blocks.add_sums(gram, recording)

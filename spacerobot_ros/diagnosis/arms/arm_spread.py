@@ -99,7 +99,7 @@ def whole_std(found: ArmFound, k: int, name: str, std: float) -> float:
     if is_kind_of(applied, DRY) and math.isfinite(std):
         machine = Machine(found.robot, found.fit.rows.balances)
         whole = value + machine.friction(DRY, applied.where)
-        return math.hypot(std, RUN_TO_RUN * whole if len(found.records) == 1 else 0.0)
+        return math.hypot(std, RUN_TO_RUN * whole if found.is_one else 0.0)
     if applied.id == 'inertial_parameters':
         return math.hypot(std, float(np.max(torque_tolerance(found.robot))) * value)
     return std

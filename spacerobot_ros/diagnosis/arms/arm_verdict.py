@@ -12,7 +12,7 @@ from ...effects.effect import Effect, Key
 from ...effects.prior import RUN_TO_RUN
 from ...estimation.balance.arm_priors import torque_tolerance
 from ...estimation.balance.arm_rows import ArmRows
-from ...estimation.balance.balance import Balance, own_noise_in_band, rms
+from ...estimation.balance.balance import Balance, own_noise_in_band
 from ...inference.decisive import IMPLAUSIBLE
 from ...inference.inferred import InferredCause
 from ...model.robot import Robot
@@ -45,7 +45,7 @@ class Left:
     @classmethod
     def of(cls, found: ArmFound) -> Left:
         """Of an arm's causes."""
-        before, after = rms(found.fit.rows.balances), rms(found.extended)
+        before, after = (traces.rms for traces in found.traces)
         return cls(found.robot, before, after, _usual(found), found.fit.rows.judged_by)
 
     @property

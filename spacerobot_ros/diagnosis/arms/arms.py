@@ -16,6 +16,8 @@ from ...estimation.balance.arm_priors import DRY, is_kind_of
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.arm_rows_about import about_model, about_readings, is_of_readings
 from ...estimation.balance.motor_constants import first_constants, scaled_constant
+from ...estimation.balance.row_blocks import CLUSTERS_AT_MOST
+from ...estimation.stretches import LongRecord
 from ...inference.gram_blocks import GramBlocks
 from ...inference.hypotheses import Hypotheses
 from ...inference.inferred import Inferred, infer
@@ -23,15 +25,17 @@ from ...inference.model_search import ChosenSet, best_set
 from ...model.robot import Robot
 from ...recording.record import Record
 from ...types import Array
-from ..events.arm_events import arm_events
+from ..events.arm_events import ArmEvents, arm_events
 from ..events.event import Spans
 from ..limits import CHANCE
 from .arm_found import ArmFound, balances_of, refuse_rest, refuse_short, without_harm
-from .arm_hypotheses import arm_hypotheses, blocks_of
+from .arm_hypotheses import add_blocks, arm_hypotheses, no_blocks
 from .fitted_arm import FittedArm
+from .long_arm import Stretches
 from .spectral_level import SpectralRows
 
 _ROUNDS = 4
+_LINEARIZED = 2  # times, of a long record: about what a sample says, then about all
 _AT_BOUND = 0.999  # of a gain's bound, beyond which it is there
 _SETTLED = 1e-3  # of a motor constant, from round to round
 
@@ -43,16 +47,18 @@ def find_arm_causes(
     kinds: Sequence[type[Effect]],
     report: Callable[[str, float], None],
     loaded: Sequence[int] = (),
+    long: LongRecord | None = None,
 ) -> ArmFound:
     """Causes that hold on all recordings, and motor constants where nobody states them.
 
     Args:
-        records: Of one machine.
+        records: Of one machine; of a long record the sample.
         robot: The robot file's robot.
         believed: Its own effects.
         kinds: Effects that may be causes.
         report: Called with what is being done and the share done, from 0 to 1.
         loaded: Numbers of the recordings with the same load at the last link.
+        long: One record that is too long for memory, whose rows are summed stretch by stretch.
 
     Raises:
         RecordingError: no joint moves, or currents that tell no motor constant.
@@ -60,7 +66,7 @@ def find_arm_causes(
     constants = first_constants(records, robot, believed)
     for _ in range(_ROUNDS if constants else 1):
         found = replace(
-            _found(records, robot, (*believed, *constants), kinds, report, loaded),
+            _found(records, robot, (*believed, *constants), kinds, report, loaded, long),
             believed=tuple(believed),
             constants=constants,
         )
@@ -88,23 +94,30 @@ def _found(
     kinds: Sequence[type[Effect]],
     report: Callable[[str, float], None],
     loaded: Sequence[int],
+    long: LongRecord | None,
 ) -> ArmFound:
     """Causes beside what is believed.
 
     The level of what is left is found twice: beside the whole catalogue, then beside what was
     chosen, since a catalogue explains some of any leftover.
     """
+
+    def rows_without(left_out: Sequence[Spans]) -> ArmRows:
+        rows = ArmRows.of(balances_of(records, robot, believed, left_out), kinds)
+        refuse_rest(rows.balances, records)
+        return rows if long else rows.with_own(loaded)
+
     report('balancing torques along the motion', 0.1)
-    balances = balances_of(records, robot, believed, [()] * len(records))
-    refuse_rest(balances, records)
-    rows = ArmRows.of(balances, kinds).with_own(loaded)
+    rows, stretches = rows_without([()] * len(records)), None
     refuse_short(rows, records)
     report('looking for events', 0.15)
-    events = arm_events(balances, rows)
+    if long:
+        stretches, found = Stretches.of(long.every, robot).with_events(believed, rows)
+        events = ArmEvents(found, tuple(stretches.left_out[i] for i in long.sample))
+    else:
+        events = arm_events(rows.balances, rows)
     if any(events.left_out):
-        rows = ArmRows.of(balances_of(records, robot, believed, events.left_out), kinds)
-        rows = rows.with_own(loaded)
-        refuse_rest(rows.balances, records)
+        rows = rows_without(events.left_out)
     report('finding the level of what no cause explains', 0.2)
     zeros = rows.own_zeros
     usual = [i for i in range(len(rows.candidates)) if i not in zeros]
@@ -114,30 +127,46 @@ def _found(
     if zeros:  # of single recordings: judged at the level that is left beside all of them
         beside = _chosen(rows, levels_of(rows, rough, zeros), ())
         rough = rough if set(zeros).isdisjoint(beside.chosen) else beside
-    rows = rows.linearized(rough.mean)
-    rows = _about(rows, rough, records, believed, events.left_out)
-    levels = levels_of(rows, rough)
-    report('choosing causes at the level that is left', 0.6)
-    blocks = blocks_of(rows, levels)
-    inferred = _inferred(rows, blocks)
-    causes = {cast(int, c.key): c for c in inferred.causes}
-    fit = FittedArm(rows, blocks, tuple(sorted(causes)))
-    unsupported = SpectralRows(rows, levels, fit.hypotheses.every).unsupported(fit)
+    first = rows
+    for _ in range(_LINEARIZED if stretches else 1):
+
+        def about(
+            own: ArmRows, some: Sequence[Record], spans: Sequence[Spans], rough: FittedArm = rough
+        ) -> ArmRows:
+            return _about(own.linearized(rough.mean), rough, some, believed, spans)
+
+        rows = about(first, records, events.left_out)
+        levels = levels_of(rows, rough)
+        report('choosing causes at the level that is left', 0.6)
+        blocks, spectral = no_blocks(rows), SpectralRows(rows, arm_hypotheses(rows))
+        for own in stretches.rows(first, believed, about) if stretches else (rows,):
+            most = stretches.blocks_of_each if stretches else CLUSTERS_AT_MOST
+            add_blocks(blocks, own.clusters(most), levels)
+            spectral.add(own, levels)
+        inferred = _inferred(rows, blocks)
+        causes = {cast(int, c.key): c for c in inferred.causes}
+        fit = FittedArm(rows, blocks, tuple(sorted(causes)))
+        if fit.chosen == rough.chosen:
+            break
+        rough = fit
+    unsupported = spectral.unsupported(fit)
     clear = tuple(i for i in fit.chosen if fit.chance(i) < CHANCE and i not in unsupported)
     unclear = [i for i in fit.chosen if i not in clear]
-    found = ArmFound(
-        records=tuple(records),
-        robot=robot,
-        believed=tuple(believed),
-        fit=fit,
-        causes=causes,
-        levels=np.array(levels),
-        clear=clear,
-        named=tuple(fit.effects(clear)),
-        calibration=tuple(fit.effects([*unclear, *fit.calibration])),
-        events=events,
+    return without_harm(
+        ArmFound(
+            records=tuple(records),
+            robot=robot,
+            believed=tuple(believed),
+            fit=fit,
+            causes=causes,
+            levels=np.array(levels),
+            clear=clear,
+            named=tuple(fit.effects(clear)),
+            calibration=tuple(fit.effects([*unclear, *fit.calibration])),
+            events=events,
+            stretches=stretches,
+        )
     )
-    return without_harm(found)
 
 
 def _inferred(rows: ArmRows, blocks: GramBlocks) -> Inferred:

@@ -11,51 +11,72 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from ...estimation.balance.arm_candidates import ZEROS
 from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.inference.spectral_terms import Level, SpectralTerms, cosines, rows_of
 from ...inference.gram import Gram
-from ...inference.gram_blocks import NEVER_HELD_OUT, GramBlocks
+from ...inference.gram_blocks import GramBlocks
 from ...inference.hypotheses import Hypotheses
 from ...inference.hypothesis import Hypothesis
 from ...inference.model_search import ChosenSet
 from ...types import Array
 from ..limits import LINE
+from .arm_hypotheses import no_blocks
 from .fitted_arm import FittedArm
 
 _UNSEEN = 1e-2  # of the noise, all rows together: what no evidence shows
+
+
+class _Stretch(NamedTuple):
+    """Terms of rows, joint after joint.
+
+    Args:
+        data: (R,). columns: (R, K), most of them zero. ends: Of all joints but the last.
+        joints: Numbers of the sets of rows, see `ArmRows.joints`.
+    """
+
+    data: Array
+    columns: csr_array
+    ends: tuple[int, ...]
+    joints: tuple[int, ...]
 
 
 class SpectralRows:
     """Rows as cosines, whose level is what a set of causes leaves in bins of frequency.
 
     Args:
-        rows: The recordings.
-        levels: (8,) variances by which rows are whitened first, see `ArmRows.joints`.
+        rows: The recordings, or some stretches of a long one.
         every: The hypotheses.
     """
 
-    def __init__(
-        self, rows: ArmRows, levels: Sequence[Array], every: Sequence[Hypothesis]
-    ) -> None:
+    def __init__(self, rows: ArmRows, every: Sequence[Hypothesis]) -> None:
         self._rows = rows
         self._every = [  # lower odds are those of what a level that is presumed leaves
             replace(h, log_odds=max(h.log_odds, 0.0)) if h.log_odds > -math.inf else h
             for h in every
         ]
-        data, columns, self._joints = [], [], list[int]()
+        self._stretches = list[_Stretch]()
+        self._squares = np.zeros(len(rows.tolerances))
+
+    def add(self, rows: ArmRows, levels: Sequence[Array]) -> None:
+        """Add rows, whitened by (8,) variances, see `ArmRows.joints`."""
+        data, columns, joints = list[Array](), list[Array](), list[int]()
         for k, (joint, variances) in enumerate(zip(rows.joints, levels, strict=True)):
-            if len(joint.torque):
+            if len(joint.torque) and np.isfinite(variances).all():
                 torque, whitened, _ = joint.whitened(variances)
                 data.append(cosines(torque))
                 columns.append(cosines(whitened))
-                self._joints.append(k)
-        self._data, self._columns = np.concatenate(data), np.concatenate(columns)
-        self._ends = tuple(np.cumsum([len(x) for x in data])[:-1].tolist())
-        self._sizes = np.linalg.norm(self._columns, axis=0)
+                joints.append(k)
+        if data:
+            whole, ends = np.concatenate(columns), np.cumsum([len(x) for x in data])[:-1]
+            self._squares += np.sum(whole**2, axis=0)
+            terms = np.concatenate(data), csr_array(whole), tuple(ends.tolist()), tuple(joints)
+            self._stretches.append(_Stretch(*terms))
 
     def unsupported(self, fit: FittedArm) -> set[int]:
         """Causes that are not worth their prior odds, weakest first.
@@ -77,27 +98,28 @@ class SpectralRows:
             gone.add(weakest)
         return gone
 
-    def scale(self, chosen: Collection[int]) -> Array:
-        """(M,) level of what a set of causes leaves."""
-        return self._level(chosen, np.ones(len(self._data))).scale
+    def blocks(self, rows: ArmRows, chosen: Collection[int]) -> GramBlocks:
+        """Rows in clusters, whitened by the level that a set of causes leaves of them, too.
 
-    def blocks(self, scale: Array) -> GramBlocks:
-        """The rows in clusters, whitened by a level (M,) too."""
-        both = np.column_stack([self._data, self._columns]) / scale[:, None]
-        clusters, columns = self._rows.in_clusters, self._columns.shape[1]
-        every = [Gram(np.zeros((columns, columns)), np.zeros(columns), 0.0, 0)] * len(
-            clusters.recording
-        )
-        for k, terms in zip(self._joints, np.split(both, self._ends), strict=True):
+        Args:
+            rows: All that were added.
+            chosen: The causes.
+        """
+        (stretch,), clusters = self._stretches, rows.in_clusters
+        scale = self._level(stretch, chosen, np.ones(len(stretch.data))).scale
+        both = np.column_stack([stretch.data, stretch.columns.toarray()]) / scale[:, None]
+        count = len(rows.tolerances)
+        nothing = Gram(np.zeros((count, count)), np.zeros(count), 0.0, 0)
+        every = [nothing] * len(clusters.recording)
+        for k, terms in zip(stretch.joints, np.split(both, stretch.ends), strict=True):
             block = clusters.joints[k].block
             whitened = rows_of(terms, len(block))
             for b in np.unique(block).tolist():
                 own = whitened[block == b]
                 every[b] = every[b] + Gram.of(own[:, 1:], own[:, 0])
-        out = GramBlocks(columns)
+        out = no_blocks(rows)
         for gram, recording in zip(every, clusters.recording.tolist(), strict=True):
             out.add_sums(gram, recording)
-        out.add_sums(self._rows.held, NEVER_HELD_OUT)
         return out
 
     def _is_asked(self, i: int) -> bool:
@@ -113,26 +135,32 @@ class SpectralRows:
             chosen: The causes.
             known: Log evidence at the level that the rows are whitened by, of those asked.
         """
-        whole = self._level(chosen, np.ones(len(self._data)))
-        blocks = GramBlocks(self._columns.shape[1])
-        blocks.add(self._columns / whole.scale[:, None], self._data / whole.scale)
-        blocks.add_sums(self._rows.held, NEVER_HELD_OUT)
+        blocks, levels = no_blocks(self._rows), list[Level]()
+        for stretch in self._stretches:
+            level = self._level(stretch, chosen, np.ones(len(stretch.data)))
+            columns = stretch.columns.toarray()
+            blocks.add(columns / level.scale[:, None], stretch.data / level.scale)
+            levels.append(level)
         hypotheses = Hypotheses(blocks, self._every)
         beside, out = ChosenSet.of(hypotheses, chosen), {}
         for i in known:
             gone = hypotheses.dependents(beside.chosen, [i])
             evidence = _evidence(hypotheses, beside, i)
             if evidence <= LINE * known[i]:
-                without = self._level(beside.chosen - gone, whole.scale)
-                evidence = min(evidence, whole.likelihood - without.likelihood)
+                both = zip(self._stretches, levels, strict=True)
+                lost = (
+                    own.likelihood - self._level(it, beside.chosen - gone, own.scale).likelihood
+                    for it, own in both
+                )
+                evidence = min(evidence, sum(lost))
             out[i] = evidence + hypotheses.prior(gone)
         return out
 
-    def _level(self, chosen: Collection[int], scale: Array) -> Level:
+    def _level(self, stretch: _Stretch, chosen: Collection[int], scale: Array) -> Level:
         deviations = self._rows.deviations(chosen)
-        seen = self._sizes * deviations > _UNSEEN
-        prior = self._columns[:, seen] * deviations[seen]
-        terms = SpectralTerms(self._data, prior, self._ends)
+        seen = np.sqrt(self._squares) * deviations > _UNSEEN
+        prior = stretch.columns.toarray()[:, seen] * deviations[seen]
+        terms = SpectralTerms(stretch.data, prior, stretch.ends)
         return terms.level(np.zeros((len(prior), 0)), scale)
 
 

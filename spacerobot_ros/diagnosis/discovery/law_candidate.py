@@ -96,9 +96,8 @@ def candidate_of(
         formula=_formula_of(law, j, motions),
         guard=guard,
     )
-    missed = float(np.sqrt(np.mean(rows.joints[j].torque ** 2)))
     values = np.concatenate([motions.values(law, run) for run in range(len(rows.balances))])
-    steps = _SIZE * missed / np.sqrt(np.mean(values**2, axis=0))
+    steps = law_sizes(rows, j, values)
     sizes = np.where(is_theirs, _HELD, 1.0) * steps
     return LawCandidate(
         kind=LearnedTorque,
@@ -116,6 +115,12 @@ def candidate_of(
         of=law,
         effect=effect,
     )
+
+
+def law_sizes(rows: ArmRows, j: int, values: Array) -> Array:
+    """(k,) plausible sizes of coefficients of functions (N, k) at joint j, by what is missed."""
+    missed = float(np.sqrt(np.mean(rows.joints[j].torque ** 2)))
+    return np.asarray(_SIZE * missed / np.maximum(np.sqrt(np.mean(values**2, axis=0)), 1e-300))
 
 
 def _formula_of(law: Law, j: int, motions: ArmMotions) -> Formula:

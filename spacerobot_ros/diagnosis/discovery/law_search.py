@@ -17,6 +17,7 @@ import numpy as np
 from ...effects.laws.grammar import quantity
 from ...estimation.balance.arm_priors import COUPLED
 from ...inference.hypotheses import Hypotheses
+from ...inference.hypothesis import Hypothesis
 from ...inference.inferred import InferredCause, infer
 from ...inference.model_search import ChosenSet, best_set
 from ...inference.validation import HeldOut
@@ -25,7 +26,7 @@ from ..arms.arm_hypotheses import arm_hypotheses
 from ..arms.spectral_level import SpectralRows
 from ..limits import WRONG_ANSWERS
 from .arm_motions import ArmMotions
-from .law_candidate import LawCandidate, candidate_of, left_of
+from .law_candidate import LawCandidate, candidate_of, law_sizes, left_of
 from .possible_laws import REFINED, Law
 from .screen import JointScreen
 
@@ -127,13 +128,24 @@ class LawSearch:
         stay = set(self._found.fit.chosen) - self._may_go
         every = [
             h
-            if i >= self._first or i in self._may_go
+            if i >= self._first
+            else self._like_a_law(h, i)
+            if i in self._may_go
             else replace(h, log_odds=math.inf if i in stay else -math.inf)
             for i, h in enumerate(arm_hypotheses(rows))
         ]
         sizes = {j: screen.sizes for j, screen in self._screens.items()}
-        spectral = SpectralRows(rows.over(sizes), levels, every)
-        return Hypotheses(spectral.blocks(spectral.scale(chosen)), every)
+        loud, spectral = rows.over(sizes), SpectralRows(rows, every)
+        spectral.add(loud, levels)
+        return Hypotheses(spectral.blocks(loud, chosen), every)
+
+    def _like_a_law(self, h: Hypothesis, i: int) -> Hypothesis:
+        """A cause with the prior of a law's coefficients: that of its size would count for laws."""
+        own = self._rows.places[i]
+        sizes = [
+            law_sizes(self._rows, j, self._rows.joints[j].columns[:, own]) for j in self.moving
+        ]
+        return replace(h, slab=np.min(sizes, axis=0))
 
     def _proposed(self, chosen: Collection[int]) -> list[LawCandidate]:
         """Laws that were not proposed before: beside all causes, and beside those that stay."""

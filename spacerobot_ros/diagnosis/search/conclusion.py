@@ -36,7 +36,7 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
     hypotheses = found.hypotheses
     held_out = HeldOut(hypotheses, range(len(fit.causes)))
     before, after = held_out.squares()
-    excess = max(float(np.sum(after)) - len(fit.data), 1.0)
+    excess = max(float(np.sum(after)) - fit.gram.rows, 1.0)
     order = sorted(range(len(fit.causes)), key=lambda i: -found.causes[i].log_odds)
     causes = [_cause(found, i, excess) for i in order]
     named = tuple(c for c in causes if c.relevant)
@@ -58,7 +58,7 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
             channels, white_before, extended.rows.whiteness()[1], null.run.robot.joints
         ),
         series=channels,
-        gain=_gain(before, after, len(fit.data)) if len(before) else Gain(),
+        gain=_gain(before, after, fit.gram.rows) if len(before) else Gain(),
         fit_p=fit_p,
         null_p=null_p,
         next_motion=tuple(r.motion for c in named for r in c.rivals if r.motion),

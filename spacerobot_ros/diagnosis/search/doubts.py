@@ -50,13 +50,18 @@ def cancellation(fit: Fit) -> float:
     Known inputs that are wrong count as one: thrusters are mounted against each other, and what
     each does follows its own command.
     """
-    changes = [fit.changed(i) for i in range(len(fit.causes))]
+    shares = [fit.share(i) for i in range(len(fit.causes))]
     is_input = [cause.group == 'inputs' for cause in fit.causes]
-    each = [c for c, own in zip(changes, is_input, strict=True) if not own]
+    each = [share for share, own in zip(shares, is_input, strict=True) if not own]
     if any(is_input):
-        each.append(np.sum([c for c, own in zip(changes, is_input, strict=True) if own], axis=0))
-    apart, together = sum(float(x @ x) for x in each), float(np.sum(np.sum(each, axis=0) ** 2))
+        each.append(np.sum([x for x, own in zip(shares, is_input, strict=True) if own], axis=0))
+    apart, together = sum(_squares(fit, x) for x in each), _squares(fit, np.sum(each, axis=0))
     return apart / together if together else 1.0
+
+
+def _squares(fit: Fit, share: Array) -> float:
+    """Of what coordinates (P,) change."""
+    return float(share @ fit.gram.matrix @ share)
 
 
 def least_needed(fit: Fit) -> int | None:
@@ -68,8 +73,7 @@ def least_needed(fit: Fit) -> int | None:
     count = len(fit.causes)
     if count < 2:
         return None
-    together = np.sum([fit.changed(i) for i in range(count)], axis=0)
-    extra, whole = [_extra_squares(fit, i) for i in range(count)], float(together @ together)
+    extra, whole = [_extra_squares(fit, i) for i in range(count)], _whole(fit)
     least = int(np.argmin(extra))
     little = min(LITTLE * whole / count, IMITATED)
     return least if EXACT**2 * whole <= extra[least] < little else None
@@ -77,8 +81,10 @@ def least_needed(fit: Fit) -> int | None:
 
 def _extra_squares(fit: Fit, index: int) -> float:
     """What a cause changes beyond what the values of all others could."""
-    others = np.setdiff1d(np.arange(len(fit.free)), fit.own(index))
-    gram = Gram.of(fit.tangents[:, others], fit.changed(index))
+    others, matrix = np.setdiff1d(np.arange(len(fit.free)), fit.own(index)), fit.gram.matrix
+    changed = matrix @ fit.share(index)
+    square = float(changed @ fit.share(index))
+    gram = Gram(matrix[np.ix_(others, others)], changed[others], square, fit.gram.rows)
     return gram.without(len(others), fit.precision[others] + LEAST_PRECISION).square
 
 
@@ -90,14 +96,15 @@ def drift_p(fit: Fit) -> float:
     """
     if not fit.free:
         return 1.0
-    times = fit.rows.row_times
-    phase = np.pi * (times - times[0]) / (times[-1] - times[0])
-    columns = [fit.tangents * np.cos(k * phase)[:, None] for k in range(_DRIFTS + 1)]
-    gram = Gram.of(np.concatenate(columns, axis=1), fit.data)
+    gram = fit.drifting(_DRIFTS + 1)
     alone = gram.without(len(fit.free), fit.precision + LEAST_PRECISION)
     gain, p_value = explained(alone, np.tile(_sizes(fit), _DRIFTS))
-    together = np.sum([fit.changed(i) for i in range(len(fit.causes))], axis=0)
-    return p_value if gain > EXACT**2 * float(together @ together) else 1.0
+    return p_value if gain > EXACT**2 * _whole(fit) else 1.0
+
+
+def _whole(fit: Fit) -> float:
+    """Square of what all causes change together."""
+    return _squares(fit, np.sum([fit.share(i) for i in range(len(fit.causes))], axis=0))
 
 
 def _sizes(fit: Fit) -> Array:

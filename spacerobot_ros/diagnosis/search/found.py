@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 
-from ...effects.effect import Key
+from ...effects.effect import Effect, Key
 from ...estimation.fit import Fit
-from ...estimation.refit import refine
 from ...inference.decisive import MISFIT
+from ...inference.gram_blocks import GramBlocks
 from ...inference.hypotheses import Hypotheses
+from ...inference.hypothesis import Hypothesis
 from ...inference.inferred import Inferred, InferredCause
 from ...types import Array
-from .linear_rows import LinearRows, variant_of
+from .linear_rows import Variant, variant_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,20 +26,21 @@ class Found:
 
     Args:
         null: The model as it stands.
-        rows: The model with all causes, and everything else as columns.
+        fit: The model with all causes.
+        blocks: Its rows, with everything else as columns.
+        every: Hypotheses about them, the causes in the order of the fit first.
         inferred: What that says.
         rivals: By cause, what could stand in its place, with the log odds against that.
+        fitted: A model with some causes.
     """
 
     null: Fit
-    rows: LinearRows
+    fit: Fit
+    blocks: GramBlocks
+    every: Sequence[Hypothesis]
     inferred: Inferred
     rivals: Mapping[Key, Mapping[Key, float]]
-
-    @property
-    def fit(self) -> Fit:
-        """The model with all causes."""
-        return self.rows.fit
+    fitted: Callable[[Sequence[Effect]], Fit]
 
     @property
     def is_good(self) -> bool:
@@ -53,8 +56,7 @@ class Found:
     @cached_property
     def hypotheses(self) -> Hypotheses:
         """The causes in the order of `fit`, and all else."""
-        now = self.rows
-        return Hypotheses(now.blocks(now.data), now.hypotheses)
+        return Hypotheses(self.blocks, self.every)
 
     @property
     def deviations(self) -> Array:
@@ -73,4 +75,15 @@ class Found:
         """The fit with only some of its causes."""
         if len(kept) == len(self.fit.causes):
             return self.fit
-        return refine(self.fit.run, [self.fit.causes[i] for i in kept])
+        return self.fitted([self.fit.causes[i] for i in kept])
+
+
+def rivals_of(inferred: Inferred) -> dict[Key, dict[Key, float]]:
+    """By cause, what the rows do not tell from it, with the log odds against that."""
+    out: dict[Key, dict[Key, float]] = {}
+    for cause in inferred.causes:
+        own = out.setdefault(variant_of(cause).key, {})
+        for other in cause.rivals:
+            for key in other.causes:
+                own.setdefault(cast(Variant, key).key, other.log_odds)
+    return out

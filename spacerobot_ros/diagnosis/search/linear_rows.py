@@ -87,7 +87,11 @@ class CandidateColumns:
         p_value, channels = fit.rows.whiteness()
         asks = p_value is not None and p_value < SUSPICIOUS
         asked = [kind for kind in kinds if asks or not (kind.hidden or kind.is_rare)]
-        pool = tuple(candidates(asked, fit.rows, spectral_lines(channels)))
+        return cls.along(fit, tuple(candidates(asked, fit.rows, spectral_lines(channels))))
+
+    @classmethod
+    def along(cls, fit: Fit, pool: tuple[Candidate, ...]) -> CandidateColumns:
+        """Of some candidates."""
         ends = np.cumsum([len(c.steps) for c in pool])
         places = tuple(np.arange(e - len(c.steps), e) for c, e in zip(pool, ends, strict=True))
         count = sum(map(len, places))

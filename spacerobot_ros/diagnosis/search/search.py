@@ -12,12 +12,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple, cast
 
 import numpy as np
 
 from ...effects.effect import Effect, Key
+from ...estimation.columns import Candidate
 from ...estimation.fit import Fit
 from ...estimation.refit import refine
 from ...estimation.runs import Run
@@ -29,7 +30,7 @@ from ...inference.inferred import Inferred, InferredCause, infer
 from ...inference.model_search import ChosenSet, best_set
 from ...types import Array
 from ..limits import AHEAD, AT_ONCE, CLEAR, CURVED, FITS, MOST_CAUSES
-from .found import Found
+from .found import Found, rivals_of
 from .linear_rows import CandidateColumns, LinearRows, Variant, variant_of
 from .timing import log_odds_of, timings
 
@@ -96,11 +97,19 @@ class RelinearizedSearch:
         while True:
             while self._moves_to_columns():
                 pass
-            inferred = infer(self._now.blocks(self._now.data), self._open(), MOST_CAUSES)
+            blocks = self._now.blocks(self._now.data)
+            inferred = infer(blocks, self._open(), MOST_CAUSES)
             if not self._moves_by(inferred):
                 break
-        null = Fit(run.timed(self._now.fit.run.timing), ())
-        return Found(null, self._now, inferred, self._rivals(inferred))
+        now, rivals = self._now, self._rivals(inferred)
+        null = Fit(run.timed(now.fit.run.timing), ())
+        again = partial(refine, now.fit.run)
+        return Found(null, now.fit, blocks, now.hypotheses, inferred, rivals, again)
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Whose columns were made about the last model."""
+        return self._now.columns.candidates
 
     def _about(self, fit: Fit) -> LinearRows:
         self._report('judging every effect at every place', 0.2)
@@ -293,12 +302,7 @@ class RelinearizedSearch:
 
     def _rivals(self, inferred: Inferred) -> dict[Key, dict[Key, float]]:
         """By cause, what stands in its place with the log odds against it."""
-        out: dict[Key, dict[Key, float]] = {}
-        for cause in inferred.causes:
-            own = out.setdefault(variant_of(cause).key, {})
-            for other in cause.rivals:
-                for key in other.causes:
-                    own.setdefault(cast(Variant, key).key, other.log_odds)
+        out = rivals_of(inferred)
         for key, (gone, gap) in self._beaten.items():
             for one in gone if gap < CONFOUNDED else ():
                 out.get(one, {})[key] = gap

@@ -20,9 +20,11 @@ from .arm_candidates import GAIN, ZEROS, arm_candidates, candidates_of_recording
 from .arm_columns import columns_of
 from .arm_priors import DRY, Machine
 from .balance import Balance, rms
-from .leftover import JointRows, with_unit_shapes
-from .row_blocks import blocks_of, clusters_of
+from .leftover import JointRows, shape_sizes
+from .row_blocks import CLUSTERS_AT_MOST, blocks_of, clusters_of
 
+_OF_MOTION = ('_own_scale', 'anchors', 'unanchored', 'scale', 'is_driven', 'shapes')
+_OF_ROWS = ('columns', 'torques', 'blocks')
 _TOLERATED = 1e-3  # of a size; `arm_priors` gives less to what no machine has
 
 
@@ -117,6 +119,12 @@ class ArmRows:
         """The same rows about other coefficients (K,)."""
         return self._alike(about) if self._own_scale.any() else self
 
+    def along(self, balances: Sequence[Balance]) -> ArmRows:
+        """The same candidates along other stretches of a motion, by the scales of this one."""
+        out = replace(self, balances=tuple(balances))
+        out.__dict__.update({name: getattr(self, name) for name in _OF_MOTION})
+        return out
+
     def about_others(
         self, columns: Sequence[Array], torques: Sequence[Array] | None = None
     ) -> ArmRows:
@@ -129,8 +137,7 @@ class ArmRows:
 
     def _alike(self, about: Array | None) -> ArmRows:
         out = replace(self, about=about)
-        shared = ('columns', 'torques', '_own_scale', 'anchors', 'unanchored', 'blocks', 'scale')
-        out.__dict__.update({name: getattr(self, name) for name in shared})
+        out.__dict__.update({name: getattr(self, name) for name in (*_OF_MOTION, *_OF_ROWS)})
         return out
 
     @cached_property
@@ -207,7 +214,11 @@ class ArmRows:
     @property
     def in_clusters(self) -> ArmRows:
         """The same rows in blocks that err each for itself."""
-        return self._cut(clusters_of(self.balances))
+        return self.clusters(CLUSTERS_AT_MOST)
+
+    def clusters(self, most: int) -> ArmRows:
+        """The same, so many blocks at the most."""
+        return self._cut(clusters_of(self.balances, most))
 
     def over(self, sizes: Mapping[int, Array]) -> ArmRows:
         """The same by the sizes (M,) of the noise of rows, of some sets of `joints`."""
@@ -256,6 +267,15 @@ class ArmRows:
         rows = (arm.is_moving & state)[:: arm.stride, k % n]
         return np.flatnonzero(rows & (k < n or self.is_driven[k % n]))
 
+    @cached_property
+    def shapes(self) -> list[Array]:
+        """(2,) of every set of `joints`: rms of what friction leaves near its turns and rests."""
+        n = self.robot.n_joints
+        every = (
+            [_shapes(b, self.rows_at(b, k), k % n) for b in self.balances] for k in range(2 * n)
+        )
+        return [shape_sizes(np.concatenate(own)) for own in every]
+
     def joint(self, k: int) -> JointRows:
         """Set k of `joints`."""
         j = k % self.robot.n_joints
@@ -278,14 +298,14 @@ class ArmRows:
             columns.append(moved)
             needed = balance.motion.effort[::stride, j][at]
             direction = np.sign(balance.motion.qd[::stride, j][at])
-            late, stuck = (x[at, j] for x in balance.arm.unsure)
-            observed.append(np.column_stack([direction, needed / self.scale[j], late, stuck]))
+            shapes = _shapes(balance, at, j) / self.shapes[k]
+            observed.append(np.column_stack([direction, needed / self.scale[j], shapes]))
             block.append(own[at])
             gap.append(np.diff(times, prepend=times[:1]))
         return JointRows(
             np.concatenate(torque),
             np.concatenate(columns),
-            with_unit_shapes(np.concatenate(observed)),
+            np.concatenate(observed),
             np.concatenate(block),
             np.concatenate(gap),
         )
@@ -317,9 +337,14 @@ class ArmRows:
         k = len(self.tolerances)
         out = [Gram(np.zeros((k, k)), np.zeros(k), 0.0, 0) for _ in self.recording]
         for rows, variances in zip(self.joints, levels, strict=False):
-            if len(rows.torque):
+            if len(rows.torque) and np.isfinite(variances).all():
                 torque, columns, _ = rows.whitened(variances)
                 for block in np.unique(rows.block):
                     own = rows.block == block
                     out[block] += Gram.of(columns[own], torque[own])
         return out
+
+
+def _shapes(balance: Balance, at: IntArray, j: int) -> Array:
+    """(M, 2) of rows of a joint: late and unsure friction."""
+    return np.column_stack([x[at, j] for x in balance.arm.unsure])

@@ -10,7 +10,7 @@ are filtered before they are logged: by what is left then, `leftover` tells.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -275,7 +275,7 @@ def own_noise_in_band(balance: Balance) -> Array:
     return noise_in_band(balance, position, effort)
 
 
-def rms(balances: Sequence[Balance]) -> Array:
+def rms(balances: Iterable[Balance]) -> Array:
     """(n,) rms of the torques that a model misses in the band where joints move [N m].
 
     NaN for a joint that never does.

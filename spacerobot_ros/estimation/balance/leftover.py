@@ -114,12 +114,11 @@ class JointRows:
         return np.sqrt(np.sum(usual) + turning**2 @ unsure)
 
 
-def with_unit_shapes(observed: Array) -> Array:
-    """(M, 4) with what friction leaves near turns and rests of unit rms, see `JointRows`."""
-    if not len(observed):
-        return observed
-    size = np.sqrt(np.mean(observed[:, 2:] ** 2, axis=0))
-    return np.column_stack([observed[:, :2], observed[:, 2:] / np.maximum(size, _NO_SHAPE)])
+def shape_sizes(shapes: Array) -> Array:
+    """(2,) rms of what friction leaves (M, 2) near turns and rests, see `JointRows`."""
+    if not len(shapes):
+        return np.ones(2)
+    return np.maximum(np.sqrt(np.mean(shapes**2, axis=0)), _NO_SHAPE)
 
 
 @inner

@@ -16,7 +16,8 @@ from .balance import Balance
 
 _BLOCKS, _FEW = 4, 2  # of a recording, and of one too short for so many
 _LEAST_BLOCK = 4.0  # s of motion
-_MOMENT, _MOST = 4.0, 100  # periods of the band; of all recordings: more say the same
+_MOMENT = 4.0  # periods of the band
+CLUSTERS_AT_MOST = 100  # of all recordings: more say the same
 
 
 def blocks_of(balances: Sequence[Balance]) -> list[IntArray]:
@@ -25,7 +26,7 @@ def blocks_of(balances: Sequence[Balance]) -> list[IntArray]:
     return _cut(balances, [_BLOCKS if _length(b) >= enough else _FEW for b in balances])
 
 
-def clusters_of(balances: Sequence[Balance]) -> list[IntArray]:
+def clusters_of(balances: Sequence[Balance], at_most: int) -> list[IntArray]:
     """The same for what errs for itself: four periods of the band, or shorter where these are few.
 
     What is missed of a start or a turn fills two or three: the variance between blocks of a false
@@ -35,7 +36,7 @@ def clusters_of(balances: Sequence[Balance]) -> list[IntArray]:
     counts = [
         max(_length(b) * b.arm.band / _MOMENT, _length(b) * CLUSTERS / whole) for b in balances
     ]
-    most = max(sum(counts) / _MOST, 1.0)
+    most = max(sum(counts) / at_most, 1.0)
     return _cut(balances, [max(1, math.ceil(count / most)) for count in counts])
 
 
