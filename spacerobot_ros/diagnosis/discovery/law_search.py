@@ -26,7 +26,7 @@ from ..arms.spectral_level import SpectralRows
 from ..limits import WRONG_ANSWERS
 from .arm_motions import ArmMotions
 from .law_candidate import LawCandidate, candidate_of, left_of
-from .possible_laws import REFINED, Law
+from .possible_laws import REFINED, SHAPE, Law
 from .screen import JointScreen
 
 REPLACEABLE = ('joint_stiffness', 'joint_torque_ripple', COUPLED)
@@ -111,7 +111,7 @@ class LawSearch:
         return [
             FoundLaw(self._laws[i - self._first], c, self._chance(i, chosen), *shares)
             for i, c in causes.items()
-            if i >= self._first
+            if i >= self._first and not self._is_shape(i)
             for shares in [self._shares(i, hypotheses, chosen)]
         ]
 
@@ -178,12 +178,16 @@ class LawSearch:
 
     def _by_chance(self, hypotheses: Hypotheses, found: ChosenSet) -> list[int]:
         """The law of a set that chance explains most easily, if it does."""
-        chances = {i: self._chance(i, found.chosen) for i in found.chosen if i >= self._first}
+        laws = [i for i in found.chosen if i >= self._first and not self._is_shape(i)]
+        chances = {i: self._chance(i, found.chosen) for i in laws}
         worst = max(chances, key=chances.__getitem__, default=None)
         if worst is None or chances[worst] <= WRONG_ANSWERS / len(self.moving):
             return []
         self._refused.add(worst)
         return [worst]
+
+    def _is_shape(self, i: int) -> bool:
+        return self._laws[i - self._first].of.kind == SHAPE
 
     def _chance(self, i: int, chosen: frozenset[int]) -> float:
         law = self._laws[i - self._first]
