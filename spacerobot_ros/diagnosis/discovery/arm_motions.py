@@ -69,24 +69,27 @@ class ArmMotions:
 
         What depends on the time alone is slow, and passes the filters unchanged.
         """
-        timed = [law.inputs == ('time',) for law in laws]
         times = self.rows.joint_times(j)
-        out = {
-            n: law.form([times], law.options)
-            for n, (law, is_timed) in enumerate(zip(laws, timed, strict=True))
-            if is_timed
-        }
-        others = [n for n, is_timed in enumerate(timed) if not is_timed]
-        ends = np.cumsum([len(laws[n].form.powers) for n in others])[:-1].tolist()
-        if others:
-            rows = []
-            for run, balance in enumerate(self.rows.balances):
-                every = np.concatenate([self.values(laws[n], run) for n in others], axis=1)
-                in_rows = balance.in_rows(every, np.full(every.shape[1], j))
-                rows.append(in_rows[self.rows.rows_at(balance, j)])
-            out |= dict(zip(others, np.split(np.concatenate(rows), ends, axis=1), strict=True))
-        nothing = np.zeros((len(times), 0))
-        return np.concatenate([nothing, *(out[n] for n in range(len(laws)))], axis=1)
+        others = [law for law in laws if law.inputs != ('time',)]
+        ends = np.cumsum([len(law.form.powers) for law in others])[:-1]
+        own = iter(np.split(self._filtered(others, j), ends, axis=1) if others else ())
+        every = (
+            law.form([times], law.options) if law.inputs == ('time',) else next(own)
+            for law in laws
+        )
+        return np.concatenate([np.zeros((len(times), 0)), *every], axis=1)
+
+    def _filtered(self, laws: Sequence[Law], j: int) -> Array:
+        """(R, c) the same of what passes the filters; terms of many laws once."""
+        rows = []
+        for run, balance in enumerate(self.rows.balances):
+            values = np.concatenate([self.values(law, run) for law in laws], axis=1)
+            first: dict[bytes, int] = {}
+            which = [first.setdefault(term.tobytes(), len(first)) for term in values.T]
+            own = values[:, np.unique(which, return_index=True)[1]]
+            out = balance.in_rows(own, np.full(len(first), j))
+            rows.append(out[self.rows.rows_at(balance, j)][:, which])
+        return np.concatenate(rows)
 
     def ranges(self, law: Law, j: int) -> Mapping[str, tuple[float, float]]:
         """Smallest and largest of every input where joint j moves."""

@@ -22,7 +22,7 @@ from ..arms.fitted_arm import FittedArm
 from ..limits import CHANCE
 from .law_candidate import LawCandidate, applied_law, guarded
 from .law_search import FoundLaw, LawSearch
-from .possible_laws import NO_LAWS, SHAPE
+from .possible_laws import NO_LAWS
 
 _NOTHING_MEASURED = 'nothing measured'
 
@@ -75,7 +75,6 @@ def _without_law(joint: str, chosen: Sequence[FoundLaw], search: LawSearch) -> L
         depends_on=(_NOTHING_MEASURED,),
         resembles='no function of what is measured',
     )
-    chosen = [it for it in chosen if it.candidate.of.kind != SHAPE]
     if not chosen:
         seems, but = search.unrepeated.get(joint), 'other parts of the data do not repeat it'
         return replace(nothing, resembles=f'seems to be {seems}, but {but}') if seems else nothing

@@ -27,7 +27,7 @@ from ..arms.spectral_level import SpectralRows
 from ..limits import WRONG_ANSWERS
 from .arm_motions import ArmMotions
 from .law_candidate import LawCandidate, candidate_of, law_sizes, left_of
-from .possible_laws import REFINED, Law
+from .possible_laws import REFINED, SHAPE, Law
 from .screen import JointScreen
 
 REPLACEABLE = ('joint_stiffness', 'joint_torque_ripple', COUPLED)
@@ -112,7 +112,7 @@ class LawSearch:
         return [
             FoundLaw(self._laws[i - self._first], c, self._chance(i, chosen), *shares)
             for i, c in causes.items()
-            if i >= self._first
+            if i >= self._first and not self._is_shape(i)
             for shares in [self._shares(i, hypotheses, chosen)]
         ]
 
@@ -140,7 +140,7 @@ class LawSearch:
         return Hypotheses(spectral.blocks(loud, chosen), every)
 
     def _like_a_law(self, h: Hypothesis, i: int) -> Hypothesis:
-        """A cause with the prior of a law's coefficients: that of its size would count for laws."""
+        """A cause with the prior of a law: that of its own size would count for laws."""
         own = self._rows.places[i]
         sizes = [
             law_sizes(self._rows, j, self._rows.joints[j].columns[:, own]) for j in self.moving
@@ -190,12 +190,16 @@ class LawSearch:
 
     def _by_chance(self, hypotheses: Hypotheses, found: ChosenSet) -> list[int]:
         """The law of a set that chance explains most easily, if it does."""
-        chances = {i: self._chance(i, found.chosen) for i in found.chosen if i >= self._first}
+        laws = [i for i in found.chosen if i >= self._first and not self._is_shape(i)]
+        chances = {i: self._chance(i, found.chosen) for i in laws}
         worst = max(chances, key=chances.__getitem__, default=None)
         if worst is None or chances[worst] <= WRONG_ANSWERS / len(self.moving):
             return []
         self._refused.add(worst)
         return [worst]
+
+    def _is_shape(self, i: int) -> bool:
+        return self._laws[i - self._first].of.kind == SHAPE
 
     def _chance(self, i: int, chosen: frozenset[int]) -> float:
         law = self._laws[i - self._first]
