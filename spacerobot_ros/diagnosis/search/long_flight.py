@@ -103,7 +103,8 @@ class Flight:
             out.add_sums(gram)
         rounding = whole[0] - out.whole
         out.add_sums(replace(rounding, rows=0), NEVER_HELD_OUT)
-        return rows, out
+        bare = replace(rows.columns, rows=rows.columns.rows[:0].copy())
+        return LinearRows(rows.fit, bare), out
 
 
 class LongFit(Fit):
@@ -200,16 +201,12 @@ def find_in_stretches(
         kinds: Effects that may be causes.
         report: Called with what is being done and the share done, from 0 to 1.
     """
-    search = RelinearizedSearch(first, kinds, report)
-    begun = search.find()
-    causes = begun.fit.causes
+    causes, pool, run = _begun(long, first, kinds, report)
     report('looking for events', 0.4)
-    sample = Flight.of([long.every[i] for i in long.sample], begun.fit.run)
-    run = begun.fit.run.timed(sample.timing(begun.fit))
     flight, events = Flight.of(long.every, run).with_events(causes)
     for is_last in (False, True):
         report('summing over all stretches', 0.7 if is_last else 0.5)
-        rows, blocks = flight.summed(causes, search.candidates)
+        rows, blocks = flight.summed(causes, pool)
         every = [_barred(h) if is_last and _is_new(h) else h for h in rows.hypotheses]
         inferred = infer(blocks, every, MOST_CAUSES)
         keys = {cause.key for cause in inferred.causes}
@@ -226,6 +223,19 @@ def find_in_stretches(
     rest = [_barred(h) for h in every if h.key not in keys]
     again, order = partial(LongFit, flight), [*chosen, *rest]
     return Found(again(()), fit, blocks, order, inferred, rivals_of(inferred), again), events
+
+
+def _begun(
+    long: LongRecord,
+    first: Run,
+    kinds: Sequence[type[Effect]],
+    report: Callable[[str, float], None],
+) -> tuple[tuple[Effect, ...], tuple[Candidate, ...], Run]:
+    """Causes of one stretch, candidates beside them, and the run as efforts act in the sample."""
+    search = RelinearizedSearch(first, kinds, report)
+    fit = search.find().fit
+    sample = Flight.of([long.every[i] for i in long.sample], fit.run)
+    return fit.causes, search.candidates, fit.run.timed(sample.timing(fit))
 
 
 def _is_new(h: Hypothesis) -> bool:
