@@ -179,3 +179,15 @@ def test_a_long_rest_is_refused(arm, small_memory):
     joints = JointSeries(arm.robot.joints, record.joints.stamp_ns, noise, None, effort)
     with pytest.raises(RecordingError, match='no joint moves'):
         diagnose(Record(joints), arm.robot, (), KINDS)
+
+
+def test_a_push_in_a_stretch_is_named_and_its_time_left_out(arm, small_memory):
+    record = scaling.record_of(arm.robot, 100.0)
+    time = record.joint_time
+    pulse = 20.0 * np.sin(np.pi * np.clip((time - 70.0) / 0.5, 0.0, 1.0)) ** 2
+    effort = record.effort + pulse[:, None] * [0.0, 1.0]
+    joints = JointSeries(arm.robot.joints, record.joints.stamp_ns, record.q, None, effort)
+    found = diagnose(Record(joints), arm.robot, (), KINDS)
+    (event,) = found.events.named
+    assert 69.5 < event.start < event.end < 71.0
+    assert abs(coefficient(found).value - scaling.HIDDEN) < 4.0 * coefficient(found).std

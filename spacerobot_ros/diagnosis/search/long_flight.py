@@ -103,7 +103,8 @@ class Flight:
             out.add_sums(gram)
         rounding = whole[0] - out.whole
         out.add_sums(replace(rounding, rows=0), NEVER_HELD_OUT)
-        return rows, out
+        bare = replace(rows.columns, rows=rows.columns.rows[:0].copy())
+        return LinearRows(rows.fit, bare), out
 
 
 class LongFit(Fit):
@@ -200,32 +201,58 @@ def find_in_stretches(
         kinds: Effects that may be causes.
         report: Called with what is being done and the share done, from 0 to 1.
     """
-    search = RelinearizedSearch(first, kinds, report)
-    begun = search.find()
-    causes = begun.fit.causes
+    causes, pool, run = _begun(long, first, kinds, report)
     report('looking for events', 0.4)
-    sample = Flight.of([long.every[i] for i in long.sample], begun.fit.run)
-    run = begun.fit.run.timed(sample.timing(begun.fit))
     flight, events = Flight.of(long.every, run).with_events(causes)
-    for is_last in (False, True):
-        report('summing over all stretches', 0.7 if is_last else 0.5)
-        rows, blocks = flight.summed(causes, search.candidates)
-        every = [_barred(h) if is_last and _is_new(h) else h for h in rows.hypotheses]
-        inferred = infer(blocks, every, MOST_CAUSES)
-        keys = {cause.key for cause in inferred.causes}
-        chosen = [h for h in every if h.key in keys]
-        causes = _moved(rows, chosen, inferred.mean)
-        if any(map(_is_new, chosen)):
-            continue
-        own = np.concatenate([np.zeros(0, dtype=int), *(h.columns for h in chosen)])
-        values = inferred.mean[own]
-        fit = LongFit(flight, causes, [g.left(values) for g in blocks.grams(own) if g.rows])
-        promised = blocks.whole.part(own).misfit(values)
-        if is_last or fit.left.square - promised <= 2.0 * CONFOUNDED:
-            break
+    found, rounds = None, 0
+    while found is None:
+        report('summing over all stretches', 0.5 + 0.2 * rounds)
+        causes, found = _summed(flight, causes, pool, is_last=rounds > 0)
+        rounds += 1
+    return found, events
+
+
+def _summed(
+    flight: Flight, causes: Sequence[Effect], pool: tuple[Candidate, ...], *, is_last: bool
+) -> tuple[tuple[Effect, ...], Found | None]:
+    """What sums about a model want; with all that they say where its rows are as promised.
+
+    Args:
+        flight: The stretches.
+        causes: Of the model.
+        pool: Candidates.
+        is_last: Whether no other causes may come, and this is all.
+    """
+    rows, blocks = flight.summed(causes, pool)
+    every = [_barred(h) if is_last and _is_new(h) else h for h in rows.hypotheses]
+    inferred = infer(blocks, every, MOST_CAUSES)
+    keys = {cause.key for cause in inferred.causes}
+    chosen = [h for h in every if h.key in keys]
+    moved = _moved(rows, chosen, inferred.mean)
+    if any(map(_is_new, chosen)):
+        return moved, None
+    own = np.concatenate([np.zeros(0, dtype=int), *(h.columns for h in chosen)])
+    values = inferred.mean[own]
+    fit = LongFit(flight, moved, [g.left(values) for g in blocks.grams(own) if g.rows])
+    promised = blocks.whole.part(own).misfit(values)
+    if not is_last and fit.left.square - promised > 2.0 * CONFOUNDED:
+        return moved, None
     rest = [_barred(h) for h in every if h.key not in keys]
     again, order = partial(LongFit, flight), [*chosen, *rest]
-    return Found(again(()), fit, blocks, order, inferred, rivals_of(inferred), again), events
+    return moved, Found(again(()), fit, blocks, order, inferred, rivals_of(inferred), again)
+
+
+def _begun(
+    long: LongRecord,
+    first: Run,
+    kinds: Sequence[type[Effect]],
+    report: Callable[[str, float], None],
+) -> tuple[tuple[Effect, ...], tuple[Candidate, ...], Run]:
+    """Causes of one stretch, candidates beside them, and the run as efforts act in the sample."""
+    search = RelinearizedSearch(first, kinds, report)
+    fit = search.find().fit
+    sample = Flight.of([long.every[i] for i in long.sample], fit.run)
+    return fit.causes, search.candidates, fit.run.timed(sample.timing(fit))
 
 
 def _is_new(h: Hypothesis) -> bool:
