@@ -32,8 +32,8 @@ from .events.arm_events import arm_events
 from .events.event import Event, Events, PossibleEvent
 from .events.impulses import impulse_events, large_steps, spans_of, steps_beside_usual
 from .limits import UNLIKE_STEPS
+from .lone_bodies.pose import diagnose_pose, has_pose_alone
 from .lone_bodies.spinning import diagnose_spin, is_spinning
-from .lone_bodies.thrust import diagnose_thrust, has_pose_and_thrust
 from .orders.orders import find_orders, wheel_orders
 from .pieces import diagnose_pieces, pieces_of
 from .search.conclusion import conclude
@@ -105,7 +105,7 @@ def _diagnosed(
     for record in every:
         check_data(record, robot)
         measured.append(observed(record, robot))
-    if not robot.joints and (answer := _by_windows(measured, robot, report)):
+    if answer := _by_windows(measured, robot, believed, kinds, report):
         return answer
     robot = as_recorded(robot, measured)
     if len(measured) > 1:
@@ -156,16 +156,25 @@ def _at_rest(balances: Sequence[Balance], records: Sequence[Record]) -> Diagnosi
 
 
 def _by_windows(
-    records: Sequence[Record], robot: Robot, report: Callable[[str, float], None]
+    records: Sequence[Record],
+    robot: Robot,
+    believed: Sequence[Effect],
+    kinds: Sequence[type[Effect]],
+    report: Callable[[str, float], None],
 ) -> Diagnosis | None:
-    """The answer for a lone body that is seen too little to be predicted all along."""
-    if has_pose_and_thrust(records, robot):
-        report('fitting the thrusters to the pose', 0.1)
-        return diagnose_thrust(records, robot, ())
+    """The answer for a lone body that is seen too little to be predicted all along.
+
+    Raises:
+        RecordingError: too few windows, or several recordings of a pose.
+    """
     if is_spinning(records, robot):
         report('fitting the spin that the magnetometer sees', 0.1)
         return diagnose_spin(records, robot, ())
-    return None
+    if not has_pose_alone(records[0], robot):
+        return None
+    if len(records) > 1:
+        refuse_unbalanced(records, robot)
+    return diagnose_pose(records[0], robot, believed, kinds, report)
 
 
 def _is_of_unknown_noise(record: Record, robot: Robot) -> bool:
