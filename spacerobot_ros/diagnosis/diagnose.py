@@ -33,7 +33,7 @@ from .events.event import Event, Events, PossibleEvent
 from .events.impulses import impulse_events, large_steps, spans_of, steps_beside_usual
 from .limits import UNLIKE_STEPS
 from .lone_bodies.pose import diagnose_pose, has_pose_alone
-from .lone_bodies.spinning import diagnose_spin, is_spinning
+from .lone_bodies.spin_causes import diagnose_spin, is_spinning
 from .orders.orders import find_orders, wheel_orders
 from .pieces import diagnose_pieces, pieces_of
 from .search.conclusion import conclude
@@ -169,7 +169,7 @@ def _by_windows(
     """
     if is_spinning(records, robot):
         report('fitting the spin that the magnetometer sees', 0.1)
-        return diagnose_spin(records, robot, ())
+        return diagnose_spin(records, robot)
     if not has_pose_alone(records[0], robot):
         return None
     if len(records) > 1:
