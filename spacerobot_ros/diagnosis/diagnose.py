@@ -16,6 +16,7 @@ from ..estimation.fit import Fit
 from ..estimation.noise_levels import noise_levels
 from ..estimation.runs import Run
 from ..estimation.trajectory.observations import observed, refuse_unbalanced
+from ..estimation.trajectory.time_base import turning_axes
 from ..identification.outliers import screened
 from ..inference.decisive import MISFIT
 from ..model.robot import Robot
@@ -46,6 +47,7 @@ _BALANCED = (
     'the robot file states no joint_effort_std, and more is left of the torques than noise of '
     'their own: the level of what no cause explains was estimated along'
 )
+_FEW_AXES = 'hits are looked for where the rates about all three axes are measured: not here'
 _TOGETHER = (
     'torques of all recordings were balanced; the level of what no cause explains was found'
 )
@@ -241,7 +243,9 @@ def _predicted(
         events = arm_events(balances, ArmRows.of(balances, kinds))
         found = _causes_of(run.without(events.left_out[0]), kinds, report)
         return with_events(_concluded(found, notes, report), events.events)
-    if not run.robot.is_free:
+    is_seen = {*run.record.gyro_axes, *turning_axes(run.record)} >= set(range(3))
+    if not (run.robot.is_free and is_seen):
+        notes = (*notes, _FEW_AXES) if run.robot.is_free else notes
         return _concluded(_causes_of(run, kinds, report), notes, report)
     found, steps = _in_flight(run, kinds, report)
     return with_events(_concluded(found, notes, report), steps)

@@ -55,7 +55,7 @@ _STEP = 1e-3  # of a deviation, for derivatives
 def is_spinning(records: Sequence[Record], robot: Robot) -> bool:
     """Whether recordings are judged by the spin: a lone body's gyro and magnetometer alone."""
     return not robot.joints and all(
-        r.attitudes is None and r.rates is not None and 'magnetic_field' in r.inputs
+        r.attitudes is None and len(r.gyro_axes) == len('xyz') and 'magnetic_field' in r.inputs
         for r in records
     )
 

@@ -54,10 +54,12 @@ def read_mapped(
     table = read_table(path, kind, mapping.rows, mapping.delimiter, mapping.header)
     table = _derived(table, mapping)
     reader = _Reader(table, mapping, is_joined)
+    rates = reader.rates(mapping.gyro, mapping.gyro.time) if mapping.gyro else None
+    attitudes = reader.attitudes(mapping.attitude) if mapping.attitude else None
     return Record(
         joints=reader.joints(mapping.joints, robot, _MAY_LACK) if mapping.joints else None,
-        rates=reader.rates(mapping.gyro, mapping.gyro.time) if mapping.gyro else None,
-        attitudes=reader.attitudes(mapping.attitude) if mapping.attitude else None,
+        rates=rates if rates is None or attitudes is None else rates.completed(attitudes),
+        attitudes=attitudes,
         wheels=reader.joints(mapping.wheels) if mapping.wheels else None,
         inputs=read_inputs(reader, mapping, robot),
         source=str(path),
@@ -135,10 +137,14 @@ class _Reader(ColumnReader):
         )
 
     def rates(self, section: MappedColumns, time: MappedColumns | None) -> RateSeries:
-        """The gyro."""
+        """The gyro, of all axes or some."""
         values = self.values(section, [ANGULAR_RATE] * 3)
-        stamps, arrays = self.sampled(section.place, time, {'rate': values})
-        return RateSeries(stamps, arrays['rate'])
+        stamps, arrays = self.sampled(section.place, time, {'rate': values}, may_lack=['rate'])
+        rates = RateSeries(stamps, arrays['rate'])
+        if len(rates.axes) < len('xyz'):
+            measured = ', '.join('xyz'[i] for i in rates.axes)
+            self.notes.append(f'the gyro measures {measured} alone')
+        return rates
 
     def attitudes(self, section: AttitudeColumns) -> AttitudeSeries:
         """The star tracker."""
