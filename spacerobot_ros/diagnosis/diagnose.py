@@ -243,7 +243,7 @@ def _predicted(
         events = arm_events(balances, ArmRows.of(balances, kinds))
         found = _causes_of(run.without(events.left_out[0]), kinds, report)
         return with_events(_concluded(found, notes, report), events.events)
-    is_seen = {*run.record.gyro_axes, *turning_axes(run.record)} >= set(range(3))
+    is_seen = not {0, 1, 2} - {*run.record.gyro_axes, *turning_axes(run.record)}
     if not (run.robot.is_free and is_seen):
         notes = (*notes, _FEW_AXES) if run.robot.is_free else notes
         return _concluded(_causes_of(run, kinds, report), notes, report)
