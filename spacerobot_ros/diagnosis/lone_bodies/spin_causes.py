@@ -15,7 +15,6 @@ import numpy as np
 from scipy.special import chdtrc
 
 from ...effects.bodies.bodies import InertialParameters
-from ...effects.catalogue import CATALOGUE
 from ...effects.effect import Effect, Key
 from ...effects.prior import Scale
 from ...effects.sensors.sensor_errors import GyroBias, GyroMisalignment, GyroScale
@@ -37,13 +36,14 @@ from ...types import Array
 from ..answer.cause import Cause, Estimated, Evidence, Rival
 from ..answer.residuals import residuals
 from ..answer.result import Diagnosis, Gain, Series
-from ..answer.words import cause_in_words, verdict_of
+from ..answer.words import verdict_of
 from ..limits import CLEAR
+from ..search.conclusion import sentence_of
 
 _FAULTS = (GyroBias, GyroScale, GyroMisalignment)
 _FEWEST = 4  # windows
 _BOARD = Rival(
-    effect=GyroMisalignment.id, where='gyro and magnetometer on one board', log_odds=0.0
+    effect=GyroMisalignment.id, where='gyro and magnetometer on one tilted board', log_odds=0.0
 )
 _NEXT = (
     'Spin it about another axis and record again: a board that is tilted stays so, a principal '
@@ -85,7 +85,9 @@ def diagnose_spin(records: Sequence[Record], robot: Robot) -> Diagnosis:
     spans = f'{counted(len(windows), "window")} of up to {LONGEST:g} s of {count}'
     notes = [f'judged by the spin that the magnetometer sees: {spans}']
     if seen is not None:
-        notes.append(f'nutation at {seen.share:.4f} +- {seen.std:.2g} of the spin')
+        apart = 100.0 * np.min(np.abs(spins.rows.apart / spins.rows.moments[spins.rows.others]))
+        share = f'nutation at {seen.share:.4f} +- {seen.std:.2g} of the spin'
+        notes.append(f'{share}: its moment and the nearest other are {apart:.2g} % apart')
     return spins.diagnosis(tuple(notes))
 
 
@@ -120,17 +122,20 @@ class _Spins:
         named = tuple(c for c in causes if c.relevant)
         mean = self.found.mean
         fit_p = self._p_value(mean, sum(len(c.parameters) for c in causes))
-        is_plausible = all(cause.slabs <= IMPLAUSIBLE for cause in self.found.causes)
-        verdict = verdict_of(fit_p >= MISFIT and is_plausible, bool(named))
+        is_huge = any(cause.slabs > IMPLAUSIBLE for cause in self.found.causes)
+        verdict = verdict_of(fit_p >= MISFIT and not is_huge, bool(named))
+        doubt = f'but by {IMPLAUSIBLE:g} times of what is plausible or more' * is_huge
+        minor = tuple(c for c in causes if not c.relevant)
+        said = sentence_of(verdict, named, minor, doubt, 'more than the noise of the gyro')
         channels = self._series()
         chosen = [i for i, h in enumerate(self._every) if h.key in self.causes]
         held_out = HeldOut(Hypotheses(self._blocks, self._every), chosen).squares()
         before, after = (math.sqrt(float(np.sum(x)) / self.rows.data.size) for x in held_out)
         return Diagnosis(
             verdict=verdict,
-            sentence=_sentence(verdict, [c for c in faults if c.relevant], tilt),
+            sentence=f'{said}{tilt}',
             causes=named,
-            minor=tuple(c for c in causes if not c.relevant),
+            minor=minor,
             residuals=residuals(channels, (), (), ()),
             series=channels,
             gain=Gain(before=before, after=after),
@@ -191,25 +196,26 @@ class _Spins:
         moved = [numbers(change + d) for d in np.diag(_STEP * stds)]
         slopes = (np.array(moved) - numbers(change)) / (_STEP * stds[:, None])
         spread = np.sqrt(np.diag(slopes.T @ covariance @ slopes))
-        told = {n: (x, s) for n, x, s in zip(names, numbers(change), spread, strict=True) if s}
+        told = {  # what no nutation tells is as uncertain as it was
+            name: (value, std)
+            for name, value, std in zip(names, numbers(change), spread, strict=True)
+            if 0.0 < std < found.hypothesis.slab[0]
+        }
         cause = _cause(InertialParameters, base, told, [found], self.robot)
-        angles, wide = (np.degrees(np.arctan(np.abs(x[:2] / rows.apart))) for x in (change, stds))
-        clear = [k for k in (0, 1) if abs(change[k]) > CLEAR * stds[k]]
-        main = 'xyz'[rows.main]
-        parts = [
-            f'{angles[k]:.2g} +- {wide[k]:.1g} deg off {main} towards {"xyz"[rows.others[k]]}'
-            for k in clear
-        ]
+        parts = []
+        for k, axis in enumerate(rows.others):
+            if abs(change[k]) > CLEAR * stds[k]:
+                angle, wide = np.degrees(np.arctan(np.abs([change[k], stds[k]]) / rows.apart[k]))
+                where = f'off {"xyz"[rows.main]} towards {"xyz"[axis]}'
+                parts.append(f'{abs(angle):.2g} +- {abs(wide):.1g} deg {where}')
         rivals = (_BOARD,) if parts else ()
-        tilt = f'its principal axis lies {" and ".join(parts)}' * bool(parts)
-        return [replace(cause, rivals=rivals, relevant=True)], tilt
+        tilt = f' Likely its principal axis lies {" and ".join(parts)}, or {_BOARD.where}.'
+        return [replace(cause, rivals=rivals, relevant=True)], tilt * bool(parts)
 
     def _turned(self) -> tuple[float, Array]:
         """What is tolerated of the gyro against the magnetometer, and (2,) what it is of that."""
-        own = [h for h in self._every if h.spike.any() and h.key not in self.causes]
-        mean = np.zeros_like(self.found.mean)
-        for h in own:
-            mean[h.columns] = self.found.mean[h.columns]
+        spikes = np.concatenate([h.spike * (h.key not in self.causes) for h in self._every])
+        mean = self.found.mean * (spikes > 0.0)
         return max(float(h.spike[0]) for h in self._every), self.rows.across(mean)
 
     def _series(self) -> tuple[Series, ...]:
@@ -273,20 +279,3 @@ def _cause(
         thresholds=parameters,
         relevant=any(is_relevant(parameters[name], value) for name, value in values.items()),
     )
-
-
-def _with_rivals(cause: Cause) -> str:
-    others = [CATALOGUE[rival.effect].title for rival in cause.rivals]
-    alike = f' or {" or ".join(others)}, which these spins do not tell apart,' * bool(others)
-    return f'{cause_in_words(cause)}{alike}'
-
-
-def _sentence(verdict: str, faults: Sequence[Cause], tilt: str) -> str:
-    what = ' and '.join(map(_with_rivals, faults)).removesuffix(',')
-    parts = [f'the data differ from the model by {what}' * bool(faults)]
-    parts += [f'likely {tilt}, or gyro and magnetometer sit on one tilted board' * bool(tilt)]
-    is_left = verdict in ('partly_explained', 'unexplained')
-    parts += ['more is left of the rates than the noise of the gyro' * is_left]
-    said = '; '.join(part for part in parts if part)
-    said = said or 'the model explains the mean rates of the gyro'
-    return f'{said[0].upper()}{said[1:]}.'
