@@ -13,6 +13,7 @@ platform is slow, so noise has one level for every octave of them, that of what 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -34,6 +35,7 @@ from .runs import Run
 from .trajectory.reference import Kinematics
 
 _SAMPLES, _SHORTEST, _FEWEST = 20, 1.2, 20  # samples and seconds of a window; windows, at least
+_LINE = 3  # samples, of which one is more than a line
 _TURNS = 1e-9  # rad a step; about an axis that never turns the body is held
 _CHANNELS = (('base_position', 'm'), ('attitude', 'rad'))
 
@@ -104,7 +106,7 @@ class PoseWindows:
         swing = np.cross(omega, np.cross(omega, self._com))
         driven[0][..., 0] += np.einsum('nij,nj->ni', self.motion.rotation, swing)
         self.parts = [*self._parts([d[..., 0] for d in driven])]
-        self.count = len(self.parts) // 2
+        self.count = len([p for p in self.parts if p.channel])
         if self.count < _FEWEST:
             raise RecordingError(
                 record.source,
@@ -137,6 +139,8 @@ class PoseWindows:
             for channel, (times, values, axes) in enumerate(self._measured):
                 start, end = self._time[first], self._time[last]
                 inside = np.flatnonzero((times >= start) & (times <= end))
+                if len(inside) < _LINE:
+                    continue
                 at, own = times[inside], slice(first, last)
                 basis = _curves(at)
                 since = at[:, None] - self._time[own]
@@ -173,8 +177,10 @@ class PoseRun(Run):
         record: With attitudes, positions of the base and known forces.
         robot: The robot file's robot, without joints.
         believed: Its own effects.
-        levels: (2, octaves) standard deviation of the coefficients; None: of what the model as it
-            stands leaves.
+
+    Attributes:
+        levels: (2, octaves) standard deviation of the coefficients: of what the model as it stands
+            leaves, or some causes.
     """
 
     def __init__(
@@ -182,23 +188,26 @@ class PoseRun(Run):
         record: Record,
         robot: Robot,
         believed: Sequence[Effect],
-        levels: Array | None = None,
     ) -> None:
         super().__init__(record, robot, believed, noise_levels(robot.sensors, record)[0])
         self.windows = PoseWindows(record, self.robot)
-        ones = np.ones((2, 1 + max(int(np.max(p.octave)) for p in self.windows.parts)))
-        self.levels = self._left(PoseRows(self, (), ones)) if levels is None else levels
+        self.levels = np.ones((2, 1 + max(int(np.max(p.octave)) for p in self.windows.parts)))
+        self.levels = self._left(())
 
     def left_by(self, causes: Sequence[Effect]) -> PoseRun:
         """The same run at the levels that some causes leave."""
-        levels = self._left(PoseRows(self, causes, np.ones_like(self.levels)))
-        return PoseRun(self.record, self.robot, self.believed, levels)
+        out = copy(self)
+        out.levels = self._left(causes)
+        return out
 
-    def _left(self, rows: PoseRows) -> Array:
-        out = np.ones_like(rows.levels)
+    def _left(self, causes: Sequence[Effect]) -> Array:
+        out = np.ones_like(self.levels)
+        rows = PoseRows(self, causes, out)
+        data = rows.data
         for c, o in np.ndindex(out.shape):
-            own = rows.data[(rows.channel == c) & (rows.octave == o)]
-            out[c, o] = max(float(np.sqrt(np.mean(own**2))) if len(own) else 1.0, _LEAST)
+            own = data[(rows.channel == c) & (rows.octave == o)]
+            if len(own):
+                out[c, o] = max(float(np.sqrt(np.mean(own**2))), _LEAST)
         return out
 
     def timed(self, timing: str) -> PoseRun:
@@ -286,6 +295,8 @@ class PoseRows:
         for c, a in sorted({*zip(self.channel.tolist(), self.axis.tolist(), strict=True)}):
             own = (self.channel == c) & (self.axis == a)
             slow, fast = (left[own & at] for at in (self.octave > 0, self.octave == 0))
+            if not (slow.size and fast.size):
+                continue
             ratio = float(np.mean(slow) / max(np.mean(fast), _LEAST**2))
             p_value = float(fdtrc(len(slow), len(fast), ratio))
             name = _CHANNELS[c][0]
@@ -295,7 +306,7 @@ class PoseRows:
                     question='slow', frequency=0.0, line_p=1.0,
                 )
             )  # fmt: skip
-        return min(1.0, len(fits) * min(fit.p_value for fit in fits)), tuple(fits)
+        return min([1.0, *(len(fits) * fit.p_value for fit in fits)]), tuple(fits)
 
     def channels(self) -> tuple[ChannelError, ...]:
         """What is left of every axis, less the line of its window."""

@@ -45,7 +45,7 @@ class SpinRows:
         line: Nutation, where there is one.
 
     Attributes:
-        main: Axis of the spin. others: Those across.
+        main: Axis of the spin. others: Those across. products: (2,) the file's with them.
         moments: (3,) the file's, that about the spin as the nutation needs it [kg m^2].
         apart: (2,) that moment less those across.
     """
@@ -62,6 +62,7 @@ class SpinRows:
         self.main = int(np.argmax(np.sum([w.spin**2 for w in windows], axis=0)))
         self.others = [i for i in range(3) if i != self.main]
         self.moments = np.diag(robot.bodies[0].inertia).copy()
+        self.products = robot.bodies[0].inertia[self.main, self.others]
         file, pieces = float(self.moments[self.main]), math.ceil(CLUSTERS / len(windows))
         gyros = [w.gyro if line is None else line.taken_from(w) for w in windows]
         cut = [np.array_split(gyro, pieces) for gyro in gyros]
@@ -113,6 +114,7 @@ class SpinRows:
         self.columns = own[:, self.axis]
         self.data = self._seen.copy()
         self.data[:, self.axis == self.main] -= spin[:, self.main, None]
+        self.data -= self.columns[..., faults : faults + 2] @ self.products
 
     def across(self, mean: Array) -> Array:
         """(2,) of the gyro across the main axis by the spin's rate, by coefficients (K,)."""

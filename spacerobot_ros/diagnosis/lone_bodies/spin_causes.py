@@ -187,7 +187,8 @@ class _Spins:
             """Of an inertia whose ixx is the file's."""
             inertia = file.copy()
             inertia[rows.main, rows.main] += at[2]
-            inertia[rows.others, rows.main] = inertia[rows.main, rows.others] = at[:2]
+            inertia[rows.others, rows.main] += at[:2]
+            inertia[rows.main, rows.others] += at[:2]
             inertia *= file[0, 0] / inertia[0, 0]
             return np.array(
                 [(inertia - file)['xyz'.index(n[1]), 'xyz'.index(n[2])] for n in names]
@@ -202,10 +203,10 @@ class _Spins:
             if 0.0 < std < found.hypothesis.slab[0]
         }
         cause = _cause(InertialParameters, base, told, [found], self.robot)
-        parts = []
+        parts, total = list[str](), change[:2] + rows.products
         for k, axis in enumerate(rows.others):
             if abs(change[k]) > CLEAR * stds[k]:
-                angle, wide = np.degrees(np.arctan(np.abs([change[k], stds[k]]) / rows.apart[k]))
+                angle, wide = np.degrees(np.arctan(np.abs([total[k], stds[k]]) / rows.apart[k]))
                 where = f'off {"xyz"[rows.main]} towards {"xyz"[axis]}'
                 parts.append(f'{abs(angle):.2g} +- {abs(wide):.1g} deg {where}')
         rivals = (_BOARD,) if parts else ()
