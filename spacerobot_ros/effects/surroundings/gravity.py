@@ -100,7 +100,6 @@ class GravityError(Effect):
     id = 'gravity_error'
     title = 'gravity that is not as believed'
     group = 'environment'
-    is_external = True
     parameters = xyz('m/s^2', 0.2, 0.01)
 
     @classmethod
@@ -115,17 +114,5 @@ class GravityError(Effect):
         return scale.alike(0.2 * np.where(is_along, NOTHING, 1.0), log_odds=-2.0)
 
     def change(self, robot: Robot) -> Robot:
-        """Another gravity on a fixed base."""
-        if robot.is_free:
-            return robot
+        """Another gravity."""
         return replace(robot, gravity=robot.gravity + self.vector())
-
-    def force(self, motion: Motion, hidden: Array) -> Array:
-        """On a free base the weights of all bodies, which turn against it."""
-        out = motion.zeros()
-        if motion.robot.is_free:
-            pull = into_base(motion, self.vector())
-            for body in motion.robot.bodies:
-                own = np.einsum('nji,nj->ni', motion.base_rotation(body.name), pull)
-                out += motion.wrench(body.name, body.mass * own, None, body.com)
-        return out
