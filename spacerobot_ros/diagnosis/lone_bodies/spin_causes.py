@@ -43,8 +43,9 @@ from ..search.conclusion import sentence_of
 _FAULTS = (GyroBias, GyroScale, GyroMisalignment)
 _FEWEST = 4  # windows
 _BOARD = Rival(
-    effect=GyroMisalignment.id, where='gyro and magnetometer on one tilted board', log_odds=0.0
+    effect=GyroMisalignment.id, where='gyro and magnetometer on one board', log_odds=0.0
 )
+_TILTED = 'gyro and magnetometer sit on one tilted board'
 _NEXT = (
     'Spin it about another axis and record again: a board that is tilted stays so, a principal '
     'axis does not follow.'
@@ -210,7 +211,7 @@ class _Spins:
                 where = f'off {"xyz"[rows.main]} towards {"xyz"[axis]}'
                 parts.append(f'{abs(angle):.2g} +- {abs(wide):.1g} deg {where}')
         rivals = (_BOARD,) if parts else ()
-        tilt = f' Likely its principal axis lies {" and ".join(parts)}, or {_BOARD.where}.'
+        tilt = f' Likely its principal axis lies {" and ".join(parts)}, or {_TILTED}.'
         return [replace(cause, rivals=rivals, relevant=True)], tilt * bool(parts)
 
     def _turned(self) -> tuple[float, Array]:
