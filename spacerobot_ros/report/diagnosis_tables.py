@@ -178,7 +178,7 @@ def rival_lines(causes: Sequence[Cause]) -> list[str]:
     """What this motion can't tell from the named causes, and the motion that can."""
     return [
         f'{label(cause)} can not be told from {rival.effect}{at(rival.where)} with this motion '
-        f'({rival_gap(rival)}); to separate them: {rival.motion}'
+        f'({rival_gap(rival)})' + f'; to separate them: {rival.motion}' * bool(rival.motion)
         for cause in causes
         for rival in cause.rivals
     ]

@@ -210,9 +210,11 @@ class _Spins:
                 angle, wide = np.degrees(np.arctan(np.abs([total[k], stds[k]]) / rows.apart[k]))
                 where = f'off {"xyz"[rows.main]} towards {"xyz"[axis]}'
                 parts.append(f'{abs(angle):.2g} +- {abs(wide):.1g} deg {where}')
-        rivals = (_BOARD,) if parts else ()
+        if parts:  # of a tilt no odds are known against that of a board
+            evidence = replace(cause.evidence, log_odds=_BOARD.log_odds)
+            cause = replace(cause, rivals=(_BOARD,), evidence=evidence)
         tilt = f' Likely its principal axis lies {" and ".join(parts)}, or {_TILTED}.'
-        return [replace(cause, rivals=rivals, relevant=True)], tilt * bool(parts)
+        return [replace(cause, relevant=True)], tilt * bool(parts)
 
     def _turned(self) -> tuple[float, Array]:
         """What is tolerated of the gyro against the magnetometer, and (2,) what it is of that."""
