@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import csv
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.diagnosis.diagnose import diagnose
+from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.recording.read import read_record
-from spacerobot_ros.recording.record import RateSeries
+from spacerobot_ros.recording.record import AttitudeSeries, RateSeries, Record
+from spacerobot_ros.recording.robot_inputs import in_robot_order
 from test.support.lone_body import box_file
 
 ARMS = {'T1': 0.06, 'T2': -0.06, 'T3': 0.09, 'T4': -0.04}
@@ -101,6 +105,23 @@ def test_every_command_takes_it(table, mapping, capsys, tmp_path):
         assert 'gyro/x' not in said
 
 
-def test_no_axis_at_all_is_refused():
+def test_too_few_axes_are_one_line():
     with pytest.raises(RecordingError, match='no axis is measured'):
         RateSeries(np.arange(3), np.full((3, 3), np.nan))
+    arm = load_robot_file(Path(__file__).parents[2] / 'config' / 'minisat.yaml').robot
+    record = Record(rates=RateSeries(np.arange(3), np.full((3, 3), [np.nan, 0.1, 0.2])))
+    with pytest.raises(RecordingError, match='measures y, z alone: a free base with joints needs'):
+        in_robot_order(record, arm)
+
+
+def test_a_tumble_is_told_by_the_attitude_where_the_gyro_is_blind():
+    """Rates about the other axes are those of the attitude."""
+    time, turn = 0.1 * np.arange(50), Rotation.from_rotvec([0.02, -0.03, 0.05])
+    attitude = Rotation.concatenate([turn**k for k in range(len(time))])
+    stamps = np.round(1e9 * time).astype(int)
+    omega = np.full((len(time), 3), [np.nan, np.nan, 0.5])
+
+    rates = RateSeries(stamps, omega).completed(AttitudeSeries(stamps, attitude.as_quat()))
+
+    assert rates.axes == (2,)
+    np.testing.assert_allclose(rates.omega, np.tile([0.2, -0.3, 0.5], (len(time), 1)), atol=1e-9)
