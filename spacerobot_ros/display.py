@@ -105,25 +105,8 @@ class Matrix:
     abscissa: str
 
 
-@dataclass(frozen=True, slots=True)
-class Bars:
-    """Horizontal bars on a logarithmic scale, the first on top.
-
-    Args:
-        labels: One a bar.
-        values: Above zero; others leave their line empty.
-        marked: Which bars are the ones that count.
-        abscissa: Label of the scale, with unit.
-    """
-
-    labels: Sequence[str]
-    values: Sequence[float]
-    marked: Sequence[bool]
-    abscissa: str
-
-
-Picture = Sequence[Panel] | Matrix | Bars
-"""Panels over one abscissa, counts, or bars."""
+Picture = Sequence[Panel] | Matrix
+"""Panels over one abscissa, or counts."""
 
 
 @dataclass(frozen=True, slots=True)

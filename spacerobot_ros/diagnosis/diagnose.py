@@ -17,6 +17,7 @@ from ..estimation.noise_levels import noise_levels
 from ..estimation.runs import Run
 from ..estimation.stretches import LongRecord
 from ..estimation.trajectory.observations import observed, refuse_unbalanced
+from ..estimation.trajectory.time_base import turning_axes
 from ..identification.outliers import screened
 from ..inference.decisive import MISFIT
 from ..model.robot import Robot
@@ -34,8 +35,8 @@ from .events.arm_events import arm_events
 from .events.event import Event, Events, PossibleEvent
 from .events.impulses import impulse_events, large_steps, spans_of, steps_beside_usual
 from .limits import UNLIKE_STEPS
-from .lone_bodies.spinning import diagnose_spin, is_spinning
-from .lone_bodies.thrust import diagnose_thrust, has_pose_and_thrust
+from .lone_bodies.pose import diagnose_pose, has_pose_alone
+from .lone_bodies.spin_causes import diagnose_spin, is_spinning
 from .orders.orders import find_orders, wheel_orders
 from .search.conclusion import conclude
 from .search.found import Found
@@ -48,6 +49,7 @@ _BALANCED = (
     'the robot file states no joint_effort_std, and more is left of the torques than noise of '
     'their own: the level of what no cause explains was estimated along'
 )
+_FEW_AXES = 'hits are looked for where the rates about all three axes are measured: not here'
 _TOGETHER = (
     'torques of all recordings were balanced; the level of what no cause explains was found'
 )
@@ -99,7 +101,7 @@ def _diagnosed(
     for record in every:
         check_data(record, robot)
         measured.append(observed(record, robot))
-    if not robot.joints and (answer := _by_windows(measured, robot, report)):
+    if answer := _by_windows(measured, robot, believed, kinds, report):
         return answer
     robot = as_recorded(robot, measured)
     if len(measured) > 1:
@@ -201,16 +203,25 @@ def _at_rest(balances: Sequence[Balance], records: Sequence[Record]) -> Diagnosi
 
 
 def _by_windows(
-    records: Sequence[Record], robot: Robot, report: Callable[[str, float], None]
+    records: Sequence[Record],
+    robot: Robot,
+    believed: Sequence[Effect],
+    kinds: Sequence[type[Effect]],
+    report: Callable[[str, float], None],
 ) -> Diagnosis | None:
-    """The answer for a lone body that is seen too little to be predicted all along."""
-    if has_pose_and_thrust(records, robot):
-        report('fitting the thrusters to the pose', 0.1)
-        return diagnose_thrust(records, robot, ())
+    """The answer for a lone body that is seen too little to be predicted all along.
+
+    Raises:
+        RecordingError: too few windows, or several recordings of a pose.
+    """
     if is_spinning(records, robot):
         report('fitting the spin that the magnetometer sees', 0.1)
-        return diagnose_spin(records, robot, ())
-    return None
+        return diagnose_spin(records, robot)
+    if not has_pose_alone(records[0], robot):
+        return None
+    if len(records) > 1:
+        refuse_unbalanced(records, robot)
+    return diagnose_pose(records[0], robot, believed, kinds, report)
 
 
 def _is_of_unknown_noise(record: Record, robot: Robot) -> bool:
@@ -277,7 +288,9 @@ def _predicted(
         events = arm_events(balances, ArmRows.of(balances, kinds))
         found = _causes_of(run.without(events.left_out[0]), kinds, report)
         return with_events(_concluded(found, notes, report), events.events)
-    if not run.robot.is_free:
+    is_seen = not {0, 1, 2} - {*run.record.gyro_axes, *turning_axes(run.record)}
+    if not (run.robot.is_free and is_seen):
+        notes = (*notes, _FEW_AXES) if run.robot.is_free else notes
         return _concluded(_causes_of(run, kinds, report), notes, report)
     found, steps = _in_flight(run, kinds, report)
     return with_events(_concluded(found, notes, report), steps)

@@ -48,7 +48,10 @@ def noise_levels(
         'joint_position': (record.joint_time, record.q),
         'joint_velocity': (record.joint_time, record.qd),
         'joint_effort': (record.joint_time, record.effort if is_checked else None),
-        'gyro': (record.rate_time, record.omega if len(record.omega) else None),
+        'gyro': (
+            record.rate_time,
+            record.omega[:, record.gyro_axes] if len(record.omega) else None,
+        ),
         'attitude': (record.attitude_time, unseen_turns(record)),
     }
     levels, notes = {}, []
@@ -157,7 +160,7 @@ def unseen_turns(record: Record) -> Array | None:
     if record.attitude is None or len(record.attitude_time) < 2:
         return None
     attitude, times = record.attitude, record.attitude_time
-    if len(record.rate_time) > len(times):
+    if len(record.rate_time) > len(times) and len(record.gyro_axes) == len('xyz'):
         grid = np.unique(np.concatenate([times, record.rate_time]))
         # more than half a turn between samples is no rate, and would overflow
         most = np.pi / np.median(np.diff(record.rate_time))

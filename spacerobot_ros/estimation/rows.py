@@ -1,8 +1,9 @@
 """What a way to make rows gives to the engine: whitened residuals, and whitened columns.
 
-Two ways exist: `prediction` (an error-state filter under the measured torques: free flight and
-simulation, white sensor noise) and `balance` (torques along the smoothed motion: real arms, whose
-leftover is coloured, `leftover`). Columns, evidence and placebos know no more than this.
+Three ways exist: `prediction` (an error-state filter under the measured torques: free flight and
+simulation, white sensor noise), `balance` (torques along the smoothed motion: real arms, whose
+leftover is coloured, `leftover`) and `pose_rows` (windows of a lone body's pose). Columns,
+evidence and placebos know no more than this.
 """
 
 from __future__ import annotations

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize_scalar
+from scipy.special import chdtrc
 
 from ..recording.record import Record
 from ..types import Array, Vector3
@@ -25,6 +26,7 @@ LONGEST = 180.0  # s; in a low orbit the field turns by 20 deg meanwhile
 TURNS, _SAMPLES = 1.5, 30  # at least, in a window
 _PAUSE = 4.0  # periods of the gyro
 _RANGE = (0.6, 1.6)  # of the rate that the gyro says: bias and scale may be that wrong
+_LEAST_SHARE = 0.02  # of the spin that a nutation has
 _SEEN = 0.5  # share of the field's variation that the spin must explain
 
 
@@ -104,49 +106,79 @@ def _fit(t: Array, field: Array, w: float) -> tuple[Array, Array]:
     return design @ coefficients, coefficients
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Nutation:
     """A line of the gyro at a share of the spin that all windows have in common.
 
     Args:
         share: kappa; kappa |w| is the rate at which the axis nutates in the body.
         std: Its standard deviation.
-        gain: In log likelihood.
-        trials: Shares that were tried.
+        p_value: Of such a line by chance, of as many shares as were tried.
+        shares: (M,) of every window alone, about the common one.
+        stds: (M,) of these; infinite where a window says nothing.
     """
 
     share: float
     std: float
-    gain: float
-    trials: int
+    p_value: float
+    shares: Array
+    stds: Array
+
+    def taken_from(self, window: SpinWindow) -> Array:
+        """(K, 3) what the gyro says, without the line."""
+        design = _line(window, self.share)
+        fit = np.linalg.lstsq(
+            np.column_stack([np.ones(len(design)), design]), window.gyro, rcond=None
+        )[0]
+        return np.asarray(window.gyro - design @ fit[1:])
 
 
-def nutation(windows: Sequence[SpinWindow], least: float = 0.02) -> Nutation:
-    """The clearest line, from the least share to 1; amplitude and phase are each window's own."""
+def _line(window: SpinWindow, share: float) -> Array:
+    """(K, 2) of a window, its mean about zero."""
+    phase = share * np.linalg.norm(window.spin) * (window.time - np.mean(window.time))
+    return np.stack([np.cos(phase), np.sin(phase)], axis=1)
+
+
+def nutation(windows: Sequence[SpinWindow]) -> Nutation:
+    """The clearest line; amplitude and phase are each window's own."""
     signals = []
     for window in windows:
         across = window.gyro - window.mean
         axis = window.spin / np.linalg.norm(window.spin)
         across = across - np.outer(across @ axis, axis)
-        main = np.linalg.svd(across, full_matrices=False)[2][0]
-        phase = np.linalg.norm(window.spin) * (window.time - np.mean(window.time))
-        signals.append((phase, across @ main))
-    total = sum(float(x @ x) for _, x in signals)
-    count = sum(len(x) for _, x in signals)
+        signals.append(across @ np.linalg.svd(across, full_matrices=False)[2][0])
+    total = sum(float(x @ x) for x in signals)
+    count = sum(len(x) for x in signals)
 
-    def gain(kappa: float) -> float:
-        left = total
-        for phase, x in signals:
-            design = np.stack([np.cos(kappa * phase), np.sin(kappa * phase)], axis=1)
-            fitted = design @ np.linalg.lstsq(design, x, rcond=None)[0]
-            left -= float(fitted @ x)
-        return 0.5 * count * math.log(total / max(left, 1e-12 * total))
+    def explained(kappa: float) -> Array:
+        """(M,) squares."""
+        out = []
+        for window, x in zip(windows, signals, strict=True):
+            design = _line(window, kappa)
+            out.append(float(x @ (design @ np.linalg.lstsq(design, x, rcond=None)[0])))
+        return np.array(out)
 
-    step = 0.5 / max(float(np.ptp(phase)) for phase, _ in signals)
-    grid = np.arange(least, 1.0, step)
-    best = float(grid[np.argmax([gain(k) for k in grid])])
+    turned = [np.linalg.norm(w.spin) * np.ptp(w.time) for w in windows]
+    step = 0.5 / float(max(turned))
+    grid = np.arange(_LEAST_SHARE, 1.0, step)
+    best = float(grid[np.argmax([np.sum(explained(k)) for k in grid])])
     ends = (best - step, best + step)
-    kappa = float(minimize_scalar(lambda k: -gain(k), bounds=ends, method='bounded').x)
+    kappa = float(
+        minimize_scalar(lambda k: -np.sum(explained(k)), bounds=ends, method='bounded').x
+    )
     d = 0.2 * step
-    bend = (2.0 * gain(kappa) - gain(kappa + d) - gain(kappa - d)) / d**2
-    return Nutation(kappa, 1.0 / math.sqrt(max(bend, 1e-300)), gain(kappa), len(grid))
+    before, here, after = (explained(k) for k in (kappa - d, kappa, kappa + d))
+    left = max(total - float(np.sum(here)), np.finfo(float).tiny)
+    variance = left / count
+    bend = (2.0 * here - before - after) / (2.0 * variance * d**2)
+    slope = (after - before) / (4.0 * variance * d)
+    is_told = bend > 0.0
+    informed = np.where(is_told, bend, 1.0)
+    gain = count * math.log(total / left)
+    return Nutation(
+        kappa,
+        float(max(np.sum(bend), np.finfo(float).tiny) ** -0.5),
+        min(1.0, float(chdtrc(2 * len(windows), gain)) * len(grid)),
+        kappa + np.where(is_told, slope / informed, 0.0),
+        np.where(is_told, informed**-0.5, np.inf),
+    )

@@ -121,15 +121,37 @@ class RateSeries(SampleSeries):
 
     Args:
         stamp_ns: (N,) sample times, increasing [ns].
-        omega: (N, 3) omega_WB_B [rad/s].
+        omega: (N, 3) omega_WB_B [rad/s]; an axis that is NaN throughout has no gyro, and zeros
+            instead.
+        axes: Those that have one.
     """
 
     stamp_ns: IntArray
     omega: Array
+    axes: tuple[int, ...] = (0, 1, 2)
 
     def __post_init__(self) -> None:
         """Check and freeze."""
+        omega = np.array(self.omega, dtype=float)
+        if omega.ndim > 1 and len(omega):
+            lacking = np.isnan(omega).all(axis=0)
+            if lacking.all():
+                raise RecordingError('rates.omega', 'no axis is measured')
+            omega[:, lacking] = 0.0
+            axes = tuple(i for i in self.axes if not lacking[i : i + 1].any())
+            object.__setattr__(self, 'axes', axes)
+        object.__setattr__(self, 'omega', omega)
         self._freeze('rates', omega='xyz')
+
+    def completed(self, attitudes: AttitudeSeries) -> RateSeries:
+        """The same with the rates of an attitude about axes that have no gyro."""
+        seconds = (attitudes.stamp_ns - self.stamp_ns[0]) / 1e9
+        rotation = scipy.spatial.transform.Rotation.from_quat(attitudes.q_xyzw)
+        rates = (rotation[:-1].inv() * rotation[1:]).as_rotvec() / np.diff(seconds)[:, None]
+        omega, at = self.omega.copy(), 0.5 * (seconds[1:] + seconds[:-1])
+        for i in set(range(3)) - set(self.axes) if len(at) else ():
+            omega[:, i] = np.interp(self.seconds(int(self.stamp_ns[0])), at, rates[:, i])
+        return replace(self, omega=omega)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -253,6 +275,11 @@ class Record:
     def rate_time(self) -> Array:
         """(Ng,) [s]; empty without a gyro."""
         return self._time(self.rates)
+
+    @property
+    def gyro_axes(self) -> list[int]:
+        """Axes that have a gyro."""
+        return [] if self.rates is None else [*self.rates.axes]
 
     @property
     def omega(self) -> Array:

@@ -23,9 +23,12 @@ def in_robot_order(record: Record, robot: Robot) -> Record:
     """The record with its joints in the robot's order.
 
     Raises:
-        RecordingError: its joints are not the robot's.
+        RecordingError: its joints are not the robot's, or a gyro lacks axes.
     """
-    joints, arm = record.joints, robot.arm
+    joints, arm, rates = record.joints, robot.arm, record.rates
+    if rates is not None and len(rates.axes) < len('xyz') and arm and robot.is_free:
+        why = f'measures {", ".join("xyz"[i] for i in rates.axes)} alone: a free base with joints'
+        raise RecordingError(f'{record.source}: gyro', f'{why} needs all three axes')
     if not arm and (joints is None or not joints.names):
         return _without_joints(record)
     if joints is None or joints.names == arm:

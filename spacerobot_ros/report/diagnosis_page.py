@@ -60,7 +60,6 @@ def diagnosis_page(answer: Findings) -> Report:
         'In motion': _replay,
         'Measured against simulated': _signals,
         'Prediction errors, channel by channel': _errors,
-        'Which effects the data want': _ranking,
         'In closed loop': _closed_loop,
         'What remains': _remains,
         'What the leftover depends on': lambda _: leftover_items(diagnosis),
@@ -168,14 +167,6 @@ def _errors(answer: Findings) -> Iterator[Item]:
     if sampled and diagnosis.method == 'prediction':
         spectra = partial(curves.spectra, curves.worst(sampled, _SPECTRA))
         yield Plot(spectra, SAID['spectra'], 'frequency [Hz]', 200)
-
-
-def _ranking(answer: Findings) -> Iterator[Item]:
-    words = WORDS[answer.diagnosis.method]
-    yield f'Effects at their places, {words.ranked}. {words.remark}'.rstrip()
-    if any(r.log_likelihood_gain > 0.0 for r in answer.diagnosis.ranking[: curves.RANKED]):
-        yield Plot(partial(curves.ranking_bars, answer.diagnosis), SAID['ranking'])
-    yield tables.ranking_table(answer.diagnosis)
 
 
 def _closed_loop(answer: Findings) -> Iterator[Item]:

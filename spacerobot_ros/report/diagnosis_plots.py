@@ -1,4 +1,4 @@
-"""Curves of a diagnosis: signals, prediction errors and their spectra, a ranking."""
+"""Curves of a diagnosis: signals, prediction errors and their spectra."""
 
 from __future__ import annotations
 
@@ -9,12 +9,9 @@ import numpy as np
 from scipy.signal import welch
 
 from ..diagnosis.answer.result import Diagnosis, Series
-from ..diagnosis.answer.words import at
-from ..display import Bars, Curve, Panel
+from ..display import Curve, Panel
 from ..types import Array
 
-RANKED = 12
-"""Bars of a ranking."""
 _SEGMENT = 512  # samples, of a spectrum
 _COLORS = {'measured': 6, 'before': 1, 'after': 0, 'simulated before': 1, 'simulated after': 0}
 Span = tuple[float, float, str]
@@ -69,18 +66,6 @@ def _spectrum_panel(series: Series) -> Panel:
     levels = ((series.noise_floor * np.sqrt(2.0 * step), 'noise floor'),)
     curves, unit = _curves(frequency[1:], amplitudes), f'{series.unit}/Hz^0.5'
     return Panel(_title(series), unit, curves, log=True, levels=levels)
-
-
-def ranking_bars(diagnosis: Diagnosis) -> Bars:
-    """Gains of the best single effects."""
-    named = {c.applied.key for c in diagnosis.causes}
-    ranked = [r for r in diagnosis.ranking[:RANKED] if r.log_likelihood_gain > 0.0]
-    return Bars(
-        [f'{r.effect}{at(r.where)}' for r in ranked],
-        [2.0 * r.log_likelihood_gain for r in ranked],
-        [r.key in named for r in ranked],
-        'twice the gain in log likelihood',
-    )
 
 
 def _title(series: Series) -> str:

@@ -22,7 +22,6 @@ from .leftover_tables import leftover_lines
 from .sentences import WORDS
 
 RATIOS = 'ratios, which hold for any scale of the torques'
-_RANKED = 10  # rows
 ABOVE_NOISE = 1.05
 """Of the noise floor: what an error may have and still be called noise."""
 _SCATTER = 4.0  # standard deviations
@@ -32,7 +31,7 @@ _IMPROBABLE = 1e-3  # of whiteness, over all channels
 def summary(answer: Findings) -> Iterator[Section]:
     """What is printed for people."""
     diagnosis, closed, free = answer.diagnosis, answer.closed_loop, answer.diagnosis.free_motion
-    causes, words = diagnosis.causes, WORDS[diagnosis.method]
+    causes = diagnosis.causes
     yield Section('', [f'verdict: {diagnosis.verdict}', diagnosis.sentence])
     if causes:
         yield Section('causes', [parameter_table(causes)])
@@ -45,8 +44,6 @@ def summary(answer: Findings) -> Iterator[Section]:
     yield Section('rivals:', rival_lines(causes))
     yield Section('found, but too small to matter:', minor_lines(diagnosis.minor))
     yield Section('in the extended model without a name:', unnamed_lines(answer))
-    if diagnosis.verdict != 'consistent' and diagnosis.ranking:
-        yield Section(f'best single effects, {words.ranked}', [ranking_table(diagnosis)])
     title = 'residuals before and after (white p: probability of as much structure in white noise)'
     if diagnosis.residuals:
         yield Section(title, [residual_table(diagnosis)])
@@ -165,16 +162,6 @@ def residual_table(diagnosis: Diagnosis, caption: str = '') -> Table:
     )
 
 
-def ranking_table(diagnosis: Diagnosis) -> Table:
-    """The best candidates, each alone against the model as it stands."""
-    return table_of(
-        diagnosis.ranking[:_RANKED],
-        'effect | where | log evidence | log L gain | p',
-        '{effect} | {where:or } | {evidence:number} | {log_likelihood_gain:number} | '
-        '{p_value:probability}',
-    )
-
-
 def closed_loop_table(closed: ClosedLoopGain) -> Table:
     """One row a joint, and all of them."""
     every: dict[str, RmsErrors | ClosedLoopGain] = {**closed.joints, 'all': closed}
@@ -191,7 +178,7 @@ def rival_lines(causes: Sequence[Cause]) -> list[str]:
     """What this motion can't tell from the named causes, and the motion that can."""
     return [
         f'{label(cause)} can not be told from {rival.effect}{at(rival.where)} with this motion '
-        f'({rival_gap(rival)}); to separate them: {rival.motion}'
+        f'({rival_gap(rival)})' + f'; to separate them: {rival.motion}' * bool(rival.motion)
         for cause in causes
         for rival in cause.rivals
     ]

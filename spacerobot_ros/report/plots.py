@@ -1,4 +1,4 @@
-"""Plots of reports: data that `assets/charts.js` draws as curves; bars and counts as tables.
+"""Plots of reports: data that `assets/charts.js` draws as curves; counts as tables.
 
 The same data give the same bytes. Curves differ in color (Okabe and Ito's palette, safe for the
 color-blind) and in dashes (safe in print). Data inside a page are base64 or JSON.
@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import base64
 import json
-import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
-from ..display import Bars, Matrix, Panel, Plot
+from ..display import Matrix, Panel, Plot
 from ..types import Array
 
 
@@ -40,8 +39,6 @@ def picture_of(figure: Plot) -> tuple[str, Any]:
     picture = figure.picture() if callable(figure.picture) else figure.picture
     if isinstance(picture, Matrix):
         return 'matrix', picture
-    if isinstance(picture, Bars):
-        return 'bars', _bars(picture)
     content = {'abscissa': figure.abscissa, 'height': figure.height, 'panels': panels_of(picture)}
     return 'curves', inline_json(content)
 
@@ -105,20 +102,3 @@ def thinned(t: Array, y: Array, limit: int) -> tuple[Array, Array]:
     highest = np.argmax(np.where(absent, -np.inf, stretches), axis=1)
     chosen = np.unique([0, *(starts + lowest), *(starts + highest), len(t) - 1])
     return t[chosen], y[chosen]
-
-
-def _bars(content: Bars) -> dict[str, Any]:
-    """Widths by the logarithm, whole decades from end to end; nothing where a value is not > 0."""
-    powers = [math.log10(value) if value > 0.0 else math.nan for value in content.values]
-    first = math.floor(np.nanmin(powers))
-    decades = max(math.ceil(np.nanmax(powers)) - first, 1)
-
-    def share(power: float) -> str:
-        return '' if math.isnan(power) else f'{100.0 * (power - first) / decades:.2f}%'
-
-    return {
-        'abscissa': content.abscissa,
-        'decades': decades,
-        'rows': list(zip(content.labels, map(share, powers), content.marked, strict=True)),
-        'ticks': [(share(p), f'1e{p}') for p in range(first, first + decades + 1)],
-    }

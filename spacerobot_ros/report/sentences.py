@@ -23,7 +23,6 @@ class MethodWords:
         signals: What measured and simulated values are; where none are, why.
         errors: Caption of all errors; empty where each kind of channel has its own.
         time: What errors are drawn against.
-        ranked: What single effects are compared with. remark: On such ranks.
         nothing_left: Said where no channel stands out.
     """
 
@@ -33,8 +32,6 @@ class MethodWords:
     signals: str
     errors: str = ''
     time: str = 'time [s]'
-    ranked: str = 'each against the model as it stands'
-    remark: str = ''
     nothing_left: str = 'Not tested: the level of what no cause explains comes from the data.'
 
 

@@ -174,13 +174,13 @@ def test_what_is_applied_without_a_name_is_said_and_no_worth_of_it(tmp_path, mon
     [
         ('prediction', 'one step ahead', 'balance'),
         ('balance', 'adds its own torques to the balance', 'one step ahead'),
-        ('pose', 'fitted window by window', 'torque'),
+        ('pose', 'predicted window by window', 'torque'),
         ('spin', 'spin that the magnetometer sees', 'torque'),
     ],
 )
 def test_the_page_tells_of_the_method_that_was_used(tmp_path, method, told, not_told):
     found = answer(tmp_path)
-    tested = {} if method == 'prediction' else {'fit_p': None, 'null_p': None}
+    tested = {'fit_p': None, 'null_p': None} if method == 'balance' else {}
     used = replace(found.diagnosis, method=method, residuals=(), series=(), **tested)
     page = diagnosis_page(replace(found, diagnosis=used))
     (how,) = (s.items for s in page.sections if s.title == 'How it was done')
@@ -188,7 +188,7 @@ def test_the_page_tells_of_the_method_that_was_used(tmp_path, method, told, not_
     said = [item for s in page.sections for item in s.items if isinstance(item, str)]
     assert not [text for text in said if not_told in text]
     (left,) = (s.items for s in page.sections if s.title == 'What remains')
-    assert ('ot tested' in left[0]) == (method != 'prediction')
+    assert ('ot tested' in left[0]) == (method == 'balance')
 
 
 GOLDEN = """\
@@ -206,9 +206,6 @@ this motion (BIC gap 1.5); to separate them: spacerobot excite --robot robot.yam
 joint_viscous_friction@joint_2 joint_coulomb_friction@joint_2 -o separate.yaml
 found, but too small to matter:
 target_wheel_drag at link_3: time_constant never +- - s
-best single effects, each against the model as it stands
-effect where log evidence log L gain p
-joint_viscous_friction joint_2 800 812 < 1e-99
 residuals before and after (white p: probability of as much structure in white noise)
 channel unit rms before rms after noise floor after/floor white p
 joint_torque/joint_2 N m 0.687 0.0687 0.1 0.69 not tested
@@ -241,7 +238,6 @@ def test_the_report_has_everything_and_needs_no_network(tmp_path, verdict):
         'Causes',
         'Measured against simulated',
         'Prediction errors, channel by channel',
-        'Which effects the data want',
         'In closed loop',
         'What remains',
         'What to fly next',

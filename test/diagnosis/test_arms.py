@@ -69,7 +69,6 @@ def test_joints_that_stand_are_left_alone():
     file = arm_file(has_friction=False)
     found = diagnose(RealArm(2).record(0, moving=('joint_2',)), file.robot)
     assert {'joint_2'} == {where for _, where in causes_of(found)}
-    assert {r.where for r in found.ranking} <= {'joint_2', None, *(f'link_{k}' for k in range(7))}
 
 
 @pytest.mark.parametrize('joint', ['joint_5', 'joint_6'])

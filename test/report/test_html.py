@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import math
-import re
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
 from spacerobot_ros.display import (
-    Bars,
     Curve,
     KeyFigure,
     KeyFigures,
@@ -74,9 +71,8 @@ def example_items():
         Panel('Joint error', 'deg', errors, log=True),
         Panel('Momentum', 'N m s', [estimate], levels=[(42.0, 'truth')]),
     ]
-    bars = Bars(['<a>', 'b', 'c'], [2000.0, 30.0, 0.0], [True, False, False], 'gain & loss')
     counts = Matrix(['<a>', 'b'], ['x', 'y'], np.array([[3, 1], [0, 0]]), 'named first')
-    return [Plot(panels, 'What to see'), Plot(bars), Plot(lambda: counts)]
+    return [Plot(panels, 'What to see'), Plot(lambda: counts)]
 
 
 def test_the_page_nests_and_needs_no_network():
@@ -95,19 +91,8 @@ def test_a_page_without_curves_has_no_script():
     assert 'script' in Page(render(report(curves))).tags
 
 
-def test_bars_stand_on_whole_decades():
-    text = render(report(example_items()[1]))
-    assert '<th scope="row">&lt;a&gt;</th>' in text
-    ends = math.log10(200.0) / 3.0, math.log10(3.0) / 3.0  # of 1e1 to 1e4
-    long, short = re.findall(r'<i(?: class="marked")? style="width: ([\d.]+)%">', text)
-    assert [float(long), float(short)] == pytest.approx([100.0 * end for end in ends], abs=0.01)
-    assert text.count('<i class="marked" style') == 1
-    ticks = re.findall(r'left: ([\d.]+)%">(1e\d)<', text)
-    assert ticks == [('0.00', '1e1'), ('33.33', '1e2'), ('66.67', '1e3'), ('100.00', '1e4')]
-
-
 def test_counts_are_shaded_by_their_row():
-    text = render(report(example_items()[2]))
+    text = render(report(example_items()[1]))
     assert '<td style="--share: 0.750">3</td><td style="--share: 0.250">1</td>' in text
     assert '<th scope="row">b</th><td></td><td></td>' in text
 
@@ -149,4 +134,4 @@ def test_a_picture_that_fails_costs_that_picture_only():
 
     text = render(Report('t', 's', [Section('Two', [Plot(draw, 'lost'), *example_items()[1:]])]))
     assert 'This picture could not be drawn: ZeroDivisionError: no &lt;data&gt;' in text
-    assert '<table class="bars"' in text
+    assert '<table class="matrix"' in text

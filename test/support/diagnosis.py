@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from spacerobot_ros.diagnosis.answer.cause import Cause, Estimated, Evidence, Ranked, Rival
+from spacerobot_ros.diagnosis.answer.cause import Cause, Estimated, Evidence, Rival
 from spacerobot_ros.diagnosis.answer.result import Diagnosis, Gain, Residual, Series
 from spacerobot_ros.effects.catalogue import CATALOGUE
 
@@ -79,16 +79,6 @@ def hand_made(verdict: str = 'explained', rivals: tuple[Rival, ...] = ()) -> Dia
         residuals=(_residual(torque, math.nan), _residual(rate, 0.4)),
         series=(torque, rate),
         gain=Gain(before=7.0, after=1.01, placebo=6.8),
-        ranking=(
-            Ranked(
-                effect='joint_viscous_friction',
-                where='joint_2',
-                values={'coefficient': 3.0},
-                evidence=800.0,
-                log_likelihood_gain=812.0,
-                p_value=0.0,
-            ),
-        ),
         fit_p=0.3 if verdict in ('consistent', 'explained') else 1e-9,
         null_p=0.0,
         next_motion=(),

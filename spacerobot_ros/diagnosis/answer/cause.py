@@ -100,32 +100,3 @@ class Cause:
     rivals: tuple[Rival, ...] = ()
     constant_p: float = math.nan
     held_out_recordings: tuple[float, ...] | None = None
-
-    @property
-    def ranked(self) -> Ranked:
-        """Its score."""
-        return Ranked(
-            effect=self.applied.id,
-            where=self.applied.where,
-            values=self.applied.values,
-            evidence=0.5 * self.evidence.bic_gain,
-            log_likelihood_gain=self.evidence.log_likelihood_gain,
-            p_value=self.evidence.p_value,
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ranked:
-    """A candidate's score against the model as it stands."""
-
-    effect: str
-    where: str | None
-    values: Mapping[str, float]
-    evidence: float
-    log_likelihood_gain: float
-    p_value: float
-
-    @property
-    def key(self) -> Key:
-        """Its id and place."""
-        return self.effect, self.where

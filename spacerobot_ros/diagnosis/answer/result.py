@@ -11,7 +11,7 @@ from ...effects.effect import Effect
 from ...json_values import json_as, json_fields
 from ...types import Array
 from ..events.event import Events
-from .cause import Cause, Estimated, Ranked
+from .cause import Cause, Estimated
 
 VERDICTS = ('consistent', 'explained', 'partly_explained', 'unexplained')
 Method = Literal['prediction', 'balance', 'pose', 'spin']
@@ -265,7 +265,7 @@ class Diagnosis:
         residuals: Channel by channel.
         series: The same along the record.
         gain: On the held-out part.
-        ranking: Every candidate against the model as it stands.
+        ranking: Empty: candidates are judged beside each other.
         fit_p: Probability that a right model fits as badly as the extended one; None: not tested.
         null_p: The same for the model as it stands.
         next_motion: What to fly to know more.
@@ -290,7 +290,7 @@ class Diagnosis:
     residuals: tuple[Residual, ...] = ()
     series: tuple[Series, ...] = json_as(default=())
     gain: Gain = Gain()
-    ranking: tuple[Ranked, ...] = ()
+    ranking: tuple[()] = ()
     fit_p: float | None = None
     null_p: float | None = None
     next_motion: tuple[str, ...] = ()

@@ -102,8 +102,8 @@ def _signals(
     record: Record, units: Mapping[str, str]
 ) -> Iterator[tuple[Array, list[tuple[str, str, Array]]]]:
     """Times of a sensor's samples, with channel, unit and values (N,) of each signal."""
-    axes = zip('xyz', record.omega.T, strict=True)
-    yield record.rate_time, [(f'gyro/{axis}', 'rad/s', own) for axis, own in axes]
+    axes = [(f'gyro/{"xyz"[i]}', 'rad/s', record.omega[:, i]) for i in record.gyro_axes]
+    yield record.rate_time, axes
     if record.effort is not None:
         pairs = zip(units.items(), record.effort.T, strict=True)
         efforts = [(f'joint_torque/{joint}', unit, own) for (joint, unit), own in pairs]

@@ -68,6 +68,8 @@ def _readings(record: Record, robot: Robot | None) -> Iterator[Reading]:
         if values is None or not len(values):
             continue
         for i, axis in enumerate(names):
+            if name == 'gyro' and i not in record.gyro_axes:
+                continue
             column = values[:, i]
             if np.isfinite(column).all():
                 most = np.inf if limits is None or name != 'joint_effort' else limits[i]

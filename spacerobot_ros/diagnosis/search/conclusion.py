@@ -51,7 +51,7 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
     is_ended = len(fit.causes) >= MOST_CAUSES and not is_good
     return Diagnosis(
         verdict=verdict,
-        sentence=_sentence(verdict, named, minor, doubt, _left(white_left)),
+        sentence=sentence_of(verdict, named, minor, doubt, _left(white_left)),
         causes=named,
         minor=minor,
         residuals=residuals(
@@ -131,7 +131,7 @@ def _gain(before: Array, after: Array, count: int) -> Gain:
     )
 
 
-def _sentence(
+def sentence_of(
     verdict: str, named: Sequence[Cause], minor: Sequence[Cause], doubt: str, left: str
 ) -> str:
     """The verdict as a test engineer would say it; nothing is left where there is a doubt."""

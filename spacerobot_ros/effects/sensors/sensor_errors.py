@@ -13,6 +13,13 @@ from ..motion import Motion
 from ..parameter import Parameter, amount, xyz
 from ..prior import Prior, Scale
 
+_CHIP = 20.0
+"""Times that faults of a chip are those of a gyro for space: zeros within 2 deg/s, scales within
+10 % (data sheets of consumer gyros: 1 to 5 deg/s, 3 to 6 %)."""
+
+
+_ON_BOARD = 0.03  # rad, by which any two chips are turned against each other
+
 
 class SensorFault(Effect):
     """What a fault does to one channel of the sensors.
@@ -42,6 +49,11 @@ class GyroFault(SensorFault):
 
     channel = 'gyro'
     needs_free_base = True
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """Of a chip: what is listed is of gyros for space."""
+        return scale.alike(_CHIP * scale.sizes)
 
 
 class GyroBias(GyroFault):
@@ -114,6 +126,11 @@ class GyroMisalignment(GyroFault):
     id = 'gyro_misalignment'
     title = 'misalignment of the gyro'
     parameters = xyz('rad', 5e-3, 1e-4)
+
+    @classmethod
+    def prior(cls, scale: Scale) -> Prior | None:
+        """Of a chip, which sits on its board within a degree anyway."""
+        return scale.alike(_CHIP * scale.sizes, _ON_BOARD)
 
     def faulty(self, value: Array, motion: Motion) -> Array:
         """Rates turned."""

@@ -28,6 +28,7 @@ LABELS = {
     'joint_velocity': ('joint_rate', 'rad/s'),
     'gyro': ('gyro', 'rad/s'),
     'attitude': ('attitude', 'rad'),
+    'base_position': ('base_position', 'm'),
 }
 
 

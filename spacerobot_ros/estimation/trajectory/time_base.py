@@ -43,6 +43,13 @@ class RowIndex:
             out[at] = samples[self.sample[at], self.axis[at]]
         return out
 
+    def of_axes(self, channel: str, axes: Sequence[int]) -> RowIndex:
+        """The same, of a channel the given axes alone."""
+        is_kept = (self.channel != CHANNELS.index(channel)) | np.isin(self.axis, axes)
+        first = np.append(0, np.cumsum(is_kept))[self.first]
+        each = (self.state, self.channel, self.axis, self.sample)
+        return RowIndex(first, *(values[is_kept] for values in each))
+
 
 CHANNELS = ('joint_position', 'joint_velocity', 'gyro', 'attitude')
 
@@ -89,7 +96,16 @@ def make_time_base(record: Record, m: int, first: int) -> TimeBase:
     efforts = record.effort_time
     times = filter_times([*stamps.values(), efforts, lost_samples(efforts)], record.span)
     rows = measured_rows(times, stamps, states)
+    rows = rows.of_axes('gyro', record.gyro_axes).of_axes('attitude', turning_axes(record))
     return TimeBase(times, rows, *_effort_intervals(times, record.effort_time))
+
+
+def turning_axes(record: Record) -> list[int]:
+    """Axes about which the attitude changes: a platform's on a table are two less."""
+    if record.attitude is None:
+        return []
+    turned = np.ptp((record.attitude[0].inv() * record.attitude).as_rotvec(), axis=0)
+    return [i for i in range(3) if turned[i] > 0.0 or not turned.any()]
 
 
 def channel_stamps(record: Record) -> dict[str, Array]:

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...dynamics.forward_kinematics import body_accelerations
 from ...dynamics.rnea import rnea
-from ...dynamics.tree import Records, difference, is_empty, tree_of
+from ...dynamics.tree import FREE, Records, difference, is_empty, tree_of
 from ...effects.effect import Effect
 from ...effects.motion import Motion
 from ...model.robot import Robot
@@ -64,11 +65,21 @@ class InverseDynamics:
 
 
 def needed(tree: Records, motion: Motion) -> Array:
-    """(N, 6 + n) generalized force that a motion needs of a tree, or of a difference of two."""
-    if motion.acceleration is None:
+    """(N, 6 + n) generalized force that a motion needs of a tree, or of a difference of two.
+
+    Gravity stands still where a free base turns.
+    """
+    known = motion.acceleration
+    if known is None:
         raise ValueError('inverse dynamics need accelerations')
-    qdd = np.ascontiguousarray(motion.acceleration[:, 6:])
-    return np.asarray(rnea(tree, motion.kinematics, motion.accelerations, qdd))
+    qdd, gravity = np.ascontiguousarray(known[:, 6:]), tree[0]['gravity']
+    if tree[0]['kind'] != FREE or not gravity.any():
+        return np.asarray(rnea(tree, motion.kinematics, motion.accelerations, qdd))
+    weightless, fall = tree.copy(), np.zeros_like(known)
+    weightless[0]['gravity'] = 0.0
+    fall[:, :3] = np.einsum('nji,j->ni', motion.rotation, gravity)
+    bodies = body_accelerations(motion.tree, motion.kinematics, known - fall)
+    return np.asarray(rnea(weightless, motion.kinematics, bodies, qdd))
 
 
 def input_force(robot: Robot, motion: Motion) -> Array:

@@ -19,7 +19,7 @@ from ...types import Array
 from ..messages import NORM_LIMIT
 from ..record import UNIT_TOLERANCE, AttitudeSeries, JointSeries, RateSeries, Record
 from ..robot_inputs import LACKS_WHEELS, order_of, own_wheels
-from .mapped_columns import ColumnReader
+from .mapped_columns import ColumnReader, spread
 from .mapped_inputs import read_efforts, read_inputs
 from .mapping import DIRECTIONS, AttitudeColumns, ColumnMapping, JointColumns, MappedColumns
 from .table import FORMATS, SampleTable, kind_of, read_table
@@ -54,10 +54,13 @@ def read_mapped(
     table = read_table(path, kind, mapping.rows, mapping.delimiter, mapping.header)
     table = _derived(table, mapping)
     reader = _Reader(table, mapping, is_joined)
+    joints = reader.joints(mapping.joints, robot, _MAY_LACK) if mapping.joints else None
+    rates = reader.rates(mapping.gyro, mapping.gyro.time) if mapping.gyro else None
+    attitudes = reader.attitudes(mapping.attitude) if mapping.attitude else None
     return Record(
-        joints=reader.joints(mapping.joints, robot, _MAY_LACK) if mapping.joints else None,
-        rates=reader.rates(mapping.gyro, mapping.gyro.time) if mapping.gyro else None,
-        attitudes=reader.attitudes(mapping.attitude) if mapping.attitude else None,
+        joints=joints,
+        rates=rates if rates is None or attitudes is None else rates.completed(attitudes),
+        attitudes=attitudes,
         wheels=reader.joints(mapping.wheels) if mapping.wheels else None,
         inputs=read_inputs(reader, mapping, robot),
         source=str(path),
@@ -135,10 +138,15 @@ class _Reader(ColumnReader):
         )
 
     def rates(self, section: MappedColumns, time: MappedColumns | None) -> RateSeries:
-        """The gyro."""
+        """The gyro, of all axes or some."""
         values = self.values(section, [ANGULAR_RATE] * 3)
-        stamps, arrays = self.sampled(section.place, time, {'rate': values})
-        return RateSeries(stamps, arrays['rate'])
+        given = [i for i, name in enumerate(spread(section.columns, 3, section.place)) if name]
+        stamps, arrays = self.sampled(section.place, time, {'rate': values[:, given]})
+        omega = np.full((len(stamps), 3), np.nan)
+        omega[:, given] = arrays['rate']
+        if len(given) < len('xyz'):
+            self.notes.append(f'the gyro measures {", ".join("xyz"[i] for i in given)} alone')
+        return RateSeries(stamps, omega)
 
     def attitudes(self, section: AttitudeColumns) -> AttitudeSeries:
         """The star tracker."""

@@ -170,7 +170,11 @@ class JointColumns:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GyroColumns(MappedColumns):
-    """Columns x, y, z of omega_WB_B, in base coordinates; own sample times, if any."""
+    """Columns x, y, z of omega_WB_B, in base coordinates; null for an axis without a gyro.
+
+    Args:
+        time: Own sample times, if any.
+    """
 
     time: MappedColumns | None = entry(_COLUMNS, None)
 
