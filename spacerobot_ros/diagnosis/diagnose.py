@@ -33,7 +33,7 @@ from .discovery.discover import discover
 from .discovery.other_recording import unmeasured_inputs, unshared_extras
 from .events.arm_events import arm_events
 from .events.event import Event, Events, PossibleEvent
-from .events.impulses import impulse_events, large_steps, spans_of, steps_beside_usual
+from .events.impulses import MomentumSteps, spans_of, steps_beside_usual
 from .limits import UNLIKE_STEPS
 from .lone_bodies.pose import diagnose_pose, has_pose_alone
 from .lone_bodies.spin_causes import diagnose_spin, is_spinning
@@ -314,19 +314,19 @@ def _in_flight(
     steps, large = steps_beside_usual(run)
     if steps.all and not (found.is_good and not steps.named):
         cost = _cost(_with(found.fit, ()))
-        beside = _causes_of(run.without(spans_of(steps)), kinds, report)
-        if _cost(_with(beside.fit, steps.all)) <= cost:
-            found = beside
+        others = _causes_of(run.without(spans_of(steps)), kinds, report)
+        if _cost(_with(others.fit, steps.all)) <= cost:
+            found = others
         else:
             steps = Events()
-    if not steps.is_judged:
-        steps = impulse_events(found.fit)
-        if steps.named:
-            return _beside(found, steps, run, kinds, report)
-    if steps.is_judged or not (large := (*large, *large_steps(found.fit))):
+    if steps.is_judged:
         return found, steps
+    beside = MomentumSteps(found.fit)
+    steps, large = beside.events, (*large, *beside.standing_out)
+    if steps.is_judged or not large:
+        return _beside(found, steps, run, kinds, report)
     causes = _causes_of(run.without(large), kinds, report)
-    beside_causes = impulse_events(Fit(run, causes.fit.causes))
+    beside_causes = MomentumSteps(Fit(run, causes.fit.causes)).events
     is_better = _cost(_with(causes.fit, beside_causes.all)) < _cost(_with(found.fit, ()))
     return (causes, beside_causes) if beside_causes.named and is_better else (found, steps)
 

@@ -12,7 +12,7 @@ from support.contracts import keeps
 from spacerobot_ros.cli.main import main
 from spacerobot_ros.diagnosis import diagnose
 from spacerobot_ros.diagnosis.discovery.possible_laws import Extent, joint_laws
-from spacerobot_ros.diagnosis.events.contact import Pulse, event_of
+from spacerobot_ros.diagnosis.events.transient import Transient, event_of
 from spacerobot_ros.diagnosis.flight.probes import probes_of
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.robot_file import load_robot_file
@@ -131,10 +131,7 @@ def test_joints_of_both_kinds_have_each_their_own(tmp_path):
     assert units[f'{turns} rate'] == 'rad/s'
     assert units[f'{slides} rate'] == 'm/s'
     assert units[f'{slides} torque'] == 'N'
-    pulses = [
-        Pulse(joint=j, run=0, start=1.0, end=2.0, edge=0.5, torque=3.0, std=0.1, z=30.0)
-        for j in range(2)
-    ]
+    pulses = [Transient.on_joint(j, 0, (1.0, 2.0, 0.5), 3.0, 0.1) for j in range(2)]
     event = event_of(robot, pulses, None, 5.0)
     assert event.units == {turns: 'N m', slides: 'N'}
     assert event.unit == 'N m or N'

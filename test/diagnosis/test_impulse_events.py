@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from spacerobot_ros.diagnosis import diagnose
-from spacerobot_ros.diagnosis.events import impulse_scan
+from spacerobot_ros.diagnosis.events import transient_search as search
 from spacerobot_ros.diagnosis.events.event import Events, PossibleEvent
-from spacerobot_ros.diagnosis.events.impulse_fit import ImpulseFit
 from spacerobot_ros.diagnosis.events.impulses import spans_of, steps_beside_usual
 from spacerobot_ros.effects.catalogue import CATALOGUE, bind_effect
 from spacerobot_ros.estimation.fit import Fit
@@ -71,20 +70,19 @@ def test_two_that_one_would_cover_are_two(robot):
 
 
 def test_as_many_as_are_looked_for_are_named(bumped, monkeypatch):
-    monkeypatch.setattr(impulse_scan, '_MOST', len(STEPS))
+    monkeypatch.setattr(search, '_MOST', len(STEPS))
     assert len(steps_beside_usual(bumped[0])[0].named) == len(STEPS)
 
 
 def test_what_changes_all_the_time_is_no_step_and_is_not_taken_apart(robot, monkeypatch, rng):
-    monkeypatch.setattr(impulse_scan, '_MOST', 4)
-    monkeypatch.setattr(impulse_scan, 'split', lambda best: pytest.fail('taken apart'))
-    refined = []
-    monkeypatch.setattr(ImpulseFit, 'refined', lambda self, first=0: refined.append(self) or self)
+    monkeypatch.setattr(search, '_MOST', 4)
+    monkeypatch.setattr(
+        search.TransientSearch, '_split', lambda *found: pytest.fail('taken apart')
+    )
     walk = [(0.6 * k, 0.6 * (k + 1), rng.normal(size=3)) for k in range(12)]
     events = steps_beside_usual(run_of(robot, walk, 8.0))[0]
     assert events.named == events.possible == ()
     assert 'is no noise' in events.notes[0]
-    assert max(len(fit.times) for fit in refined) == 0
 
 
 def test_limits_know_that_the_wheels_are_unknown(bumped):

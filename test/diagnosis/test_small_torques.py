@@ -12,8 +12,8 @@ from spacerobot_ros.diagnosis.answer.cause import Estimated
 from spacerobot_ros.diagnosis.answer.result import Leftover
 from spacerobot_ros.diagnosis.arms.arm_verdict import Left, full_scale, sentence
 from spacerobot_ros.diagnosis.diagnose import diagnose
-from spacerobot_ros.diagnosis.events.contact import Pulse, event_of
 from spacerobot_ros.diagnosis.events.rest import rest_events
+from spacerobot_ros.diagnosis.events.transient import Transient, event_of
 from spacerobot_ros.diagnosis.quality.readings import readings
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.balance.balance import balance_of, own_noise_in_band
@@ -104,10 +104,8 @@ def test_friction_of_the_load_holds_a_joint_at_rest(robot, rng):
 
 
 def test_forces_of_joints_that_slide_are_no_torques(robot):
-    units = [
-        event_of(robot, [Pulse(j, 0, 1.0, 2.0, 0.5, 9.0, 0.1, 90.0) for j in at], None, 9.0).unit
-        for at in ([0], [1], [0, 1])
-    ]
+    each = [Transient.on_joint(j, 0, (1.0, 2.0, 0.5), 9.0, 0.1) for j in range(2)]
+    units = [event_of(robot, some, None, 9.0).unit for some in (each[:1], each[1:], each)]
     assert units == ['N', 'N m', 'N or N m']
 
 

@@ -7,9 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spacerobot_ros.diagnosis.events.moving import PulseSearch
-from spacerobot_ros.diagnosis.events.state_function import beside_function
-from spacerobot_ros.diagnosis.events.states import States
+from spacerobot_ros.diagnosis.events.naming import MovingArm
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.estimation.balance.arm_rows import ArmRows
 from spacerobot_ros.estimation.balance.balance import balance_of
@@ -44,12 +42,11 @@ def test_an_error_that_is_a_function_of_the_state_is_less_beside_one_and_a_push_
     record = replace(record, joints=replace(record.joints, effort=efforts))
     balance = balance_of(record, file.robot, file.effects)
     rows = ArmRows.of([balance], [CATALOGUE[kind] for kind in KINDS])
-    search = PulseSearch(rows)
-    states = States(search, JOINT)
-    found = [p for p in search.found if p.joint == JOINT]
-    push, *errors = sorted(found, key=lambda p: -abs(p.z))
+    moving = MovingArm(rows)
+    found = [p for p in moving.found if p.joint == JOINT]
+    push, *errors = sorted(found, key=lambda p: -p.z)
     assert push.start == pytest.approx(START, abs=0.1)
-    assert beside_function(search, states, push) > 0.9 * abs(push.z)
+    assert moving.beside_states(push) > 0.9 * push.z
     assert errors
     for error in errors:
-        assert beside_function(search, states, error) < 0.65 * abs(error.z)
+        assert moving.beside_states(error) < 0.65 * error.z

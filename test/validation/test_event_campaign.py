@@ -10,11 +10,10 @@ import pytest
 from support.campaigns import missed
 from support.diagnosis import hand_made
 
+from spacerobot_ros.diagnosis.events.base_templates import BaseTemplates
 from spacerobot_ros.diagnosis.events.event import Event, EventLimit, Events
-from spacerobot_ros.diagnosis.events.event_limits import KEPT_STEP
-from spacerobot_ros.diagnosis.events.impulse_fit import ImpulseFit
-from spacerobot_ros.diagnosis.events.impulse_scan import pairs
 from spacerobot_ros.diagnosis.events.impulses import steps_beside_usual
+from spacerobot_ros.diagnosis.events.transient_search import TransientSearch
 from spacerobot_ros.estimation.fit import Fit
 from spacerobot_ros.estimation.noise_levels import noise_levels
 from spacerobot_ros.estimation.runs import Run
@@ -118,15 +117,8 @@ def test_one_of_six_seconds_gives_way_to_the_two_that_it_covers(monkeypatch):
         HiddenPulse(None, 19.62, 0.81, 1e-5 * np.array([-12.377, -15.522, -6.495]), 40.0),
     ]
     fit = fit_alone(*MACHINES['lone'](70023).found(hidden))
-    merged = ImpulseFit(fit, np.array([[11.35, np.log(6.0)], [20.14, np.log(1.2)]]))
-    others = merged.at(merged.times[1:])
-    halves, pair = (
-        merged.at(np.array([merged.times[1], *p])) for p in pairs(others, merged.times[0])
-    )
-    assert merged.cost - halves.cost < KEPT_STEP**2 < merged.cost - pair.refined().cost
-    middles = sorted(pair.times[:, 0])
-    # before their times are fitted, of which the noise leaves 0.2 to 0.5 s
-    assert middles == pytest.approx([7.24, 12.40, 20.02], abs=1.5)
+    found = sorted(TransientSearch(BaseTemplates(fit)).found, key=lambda p: p.start)
+    assert [p.middle for p in found] == pytest.approx([7.24, 12.40, 20.02], abs=1.0)
 
 
 def test_sizes_are_by_what_noise_leaves_beside_the_other_pulses():

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from spacerobot_ros.diagnosis.events.event import Event, Events, PossibleEvent
-from spacerobot_ros.diagnosis.events.event_limits import SNR
+from spacerobot_ros.diagnosis.events.event_limits import NAMED, ROOM
 
 from ..campaigns import Results, TrialRecord, grouped, key
 from ..shares import share_of
@@ -79,7 +79,7 @@ def shown(results: Results) -> Results:
     """With which figures are asked of a group: names, sizes, and times."""
     groups = []
     for g in results['events']['groups']:
-        is_sized = g['kind'] != 'still' and g['ratio'] >= SNR
+        is_sized = g['kind'] != 'still' and g['ratio'] >= ROOM * NAMED
         timed = is_sized and bool(g['named'].hits)
         named = {'is_named': g['kind'] == 'still' or is_sized, 'is_timed': timed}
         groups.append({**g, **named, 'by_end': timed and bool(np.isnan(g['by_std_95']))})

@@ -12,8 +12,11 @@ import numpy as np
 from spacerobot_ros.diagnosis.answer.extended_model import effects_section
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.events.arm_events import arm_events
+from spacerobot_ros.diagnosis.events.base_templates import BaseTemplates
 from spacerobot_ros.diagnosis.events.event import EventLimit, Events
-from spacerobot_ros.diagnosis.events.impulses import covariances, steps_beside_usual
+from spacerobot_ros.diagnosis.events.impulses import steps_beside_usual, usual_causes
+from spacerobot_ros.diagnosis.events.matched import MatchedFilter
+from spacerobot_ros.diagnosis.events.transient import BASE, Shapes, Transient
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.effect import Effect
 from spacerobot_ros.effects.robot_file import RobotFile
@@ -21,6 +24,7 @@ from spacerobot_ros.effects.surroundings.external import AngularImpulse, pulse_s
 from spacerobot_ros.estimation.balance.arm_rows import ArmRows
 from spacerobot_ros.estimation.balance.balance import balance_of
 from spacerobot_ros.estimation.noise_levels import noise_levels
+from spacerobot_ros.estimation.refit import refine
 from spacerobot_ros.estimation.runs import Run
 from spacerobot_ros.estimation.trajectory.observations import observed
 from spacerobot_ros.model.loader import build_robot
@@ -37,7 +41,7 @@ from .hidden_laws import COLOURS, LawArm
 from .real_arm import COULOMB, JOINTS, arm_file
 
 AXES = 'xyz'
-SNRS = (12.0, 20.0, 40.0)  # below, at and above `event_limits.SNR`
+SNRS = (12.0, 20.0, 40.0)  # below, at and above what is promised
 _LIMITS = (1.0, 1.5, 3.0)  # sizes of pushes of joints that stand, by the limit that is printed
 _EDGE = 0.5  # share of a pulse in which it rises and falls
 
@@ -247,9 +251,13 @@ def _impulse_units(run: Callable[[Sequence[HiddenPulse]], Run]) -> Units:
     def units(rng: np.random.Generator, events: Events, spans: Windows) -> Draw:
         if not events.is_judged:
             return None
-        times = np.array([[start + 0.5 * length, math.log(length)] for start, length in spans])
+        quiet, one = run(()), (0.5, np.ones(3), np.eye(3), 1.0)
+        templates = BaseTemplates(refine(quiet, usual_causes(quiet)))
+        every = [Transient(BASE, 0, start, start + length, *one) for start, length in spans]
         out: list[tuple[str | None, Array, float]] = []
-        for own in covariances(run(()), times):
+        for p in every:
+            beside = MatchedFilter(templates, [q for q in every if q is not p])
+            (own,) = beside.test(BASE, 0, Shapes.of(p)).covariance
             way = rng.standard_normal(3)
             size = way / math.sqrt(float(way @ np.linalg.solve(own, way)))
             out.append((None, size, math.sqrt(float(np.trace(own)))))

@@ -14,9 +14,8 @@ from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.balance import Balance
 from ...types import Array
 from .event import Events, Spans
-from .joint_scan import SPREAD
-from .moving import PulseSearch
-from .naming import Naming
+from .joint_templates import SPREAD
+from .naming import MovingArm
 from .rest import rest_events
 
 
@@ -40,20 +39,18 @@ def arm_events(balances: Sequence[Balance], rows: ArmRows | None) -> ArmEvents:
     """
     robot = balances[0].robot
     machine = Machine(robot, balances)
-    known = [machine.friction(DRY, joint) for joint in robot.joints]
-    friction = np.array(known)
+    friction = np.array([machine.friction(DRY, joint) for joint in robot.joints])
     of_load = np.array([machine.friction(OF_LOAD, joint) for joint in robot.joints])
-    found, scan = Events(recordings=len(balances)), None
+    found, moving = Events(recordings=len(balances)), None
     if rows is not None:
-        search = PulseSearch(with_directed_gains(rows))
-        naming, scan = Naming(search), search.scan
-        found = found.with_more(naming.events())
-        slides = np.array([naming.coulomb(j) for j in range(robot.n_joints)])
+        moving = MovingArm(with_directed_gains(rows))
+        found = found.with_more(moving.events())
+        slides = np.array([moving.coulomb(j) for j in range(robot.n_joints)])
         friction = np.maximum(slides, break_away(balances))
-        of_load = np.array([naming.of_load(j) for j in range(robot.n_joints)])
+        of_load = np.array([moving.of_load(j) for j in range(robot.n_joints)])
     friction = np.where(friction > 0.0, friction, np.nan)
     for run, balance in enumerate(balances):
-        found = found.with_more(rest_events(balance, run, friction, of_load, scan))
+        found = found.with_more(rest_events(balance, run, friction, of_load, moving))
     once = [(e.recording, e.start, e.end) for e in found.named]
     once += [(e.recording, e.start, e.end) for e in found.possible if e.reason == 'weak']
     spans = [

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from ...effects.effect import Effect
 from ...formats import either
 from ...json_values import json_as, json_fields
-from .event_limits import FALSE_PER_HOUR
+from .event_limits import FALSE_PER_HOUR, ROOM
 
 Spans = tuple[tuple[float, float], ...]
 """Starts and ends of times that nothing constant is estimated from [s]."""
@@ -116,6 +116,20 @@ class EventLimit:
     peaks: tuple[float, ...]
     unit: str
     snr: float
+
+    @classmethod
+    def of(
+        cls,
+        limit: float,
+        shown: float,
+        durations: tuple[float, ...],
+        stds: Sequence[float],
+        unit: str,
+    ) -> EventLimit:
+        """By the z that is named and usual standard deviations of every duration."""
+        snr = ROOM * limit
+        peaks = tuple(snr * std for std in stds)
+        return cls(duration=shown, durations=durations, peaks=peaks, unit=unit, snr=snr)
 
     @property
     def peak(self) -> float:

@@ -11,9 +11,8 @@ FALSE_PER_HOUR = 1.0
 LISTED = 5.0
 """z from which something is listed: white noise on seven joints exceeds it once in four hours."""
 
-QUIET, QUIET_SIZE = 0.3, 0.385
-"""A quantile of |z| of all times that events on 40 % of a record leave alone, and its value in
-white noise."""
+QUIET = 0.3
+"""A quantile of z of all times that events on 40 % of a record leave alone."""
 
 SUSPECTED = 3.5
 """z from which something is left out until the level of the rest is known. Four pushes in five
@@ -30,21 +29,12 @@ EXCESS, _RECORDS, _TAIL = 0.8, 6.0, 6.5
 below which what is listed is thought to be such an excess: five of six are. Events reach any z,
 and where they are many would raise a limit that counts them."""
 
-SNR = 20.0
-"""Size by standard deviation, at that duration, from which 95 % and more are named."""
-
-ROOM = 1.35
-"""Of z, by which a promised size exceeds the limit: for the noise of one in twenty, and for a
-shape that is no bell."""
+ROOM = 2.0
+"""Of z, by which a promised size exceeds the limit: for the noise of one in twenty, for times at
+which less is seen than usual, and for a shape that is no bell."""
 
 EXPLAINED = 0.8
 """Of a joint's torques squared that the model must explain for the rest to be judged."""
-
-RECURS = 0.5
-"""Of an event, from which the same states at other times have it, too, or a function of them."""
-
-MIXED = 0.5
-"""Of the largest z of what touches in time, from which a part that is no event speaks for all."""
 
 REST_SHARE = 1.2
 """Times the Coulomb torque that the torque of a joint at rest may be off its usual value: dry
@@ -53,15 +43,6 @@ friction holds anything between plus and minus that torque, and starts above it 
 FRICTION_SHARE = 0.1
 """Of a joint's largest torque in the URDF that its dry friction is thought to be at most, where
 nobody says: 5 to 7 % on a UR10e."""
-
-LISTED_STEP = 6.0
-"""z of three axes together from which a step of the angular momentum is looked at: white noise
-exceeds it once in a hundred hours."""
-
-KEPT_STEP = 5.1
-"""z of a step that was seen, below which it falls, and root of what two in place of one must gain:
-its square of five more numbers is chance once in ten thousand. Seen alone it had `LISTED_STEP`;
-beside its neighbours, of which it is one more, less of it is its own."""
 
 STEADY = 1.5
 """Times that z of steps may scatter more than in white noise for what lasts to be fitted well
@@ -81,11 +62,6 @@ def named_from(sizes: Sequence[float], hours: float) -> float:
     excess = (_RECORDS * EXCESS + sum(tail)) / (_RECORDS + len(tail))
     per_hour = (len(tail) + 0.5) / hours / -math.expm1(-(_TAIL - LISTED) / excess)
     return max(NAMED, LISTED + excess * math.log(max(per_hour / FALSE_PER_HOUR, 1.0)))
-
-
-def chance(z: float, cells: float) -> float:
-    """Probability that white noise exceeds z anywhere in so many independent templates."""
-    return min(1.0, cells * math.erfc(abs(z) / math.sqrt(2.0)))
 
 
 FALSE_ALARMS = 1e-3

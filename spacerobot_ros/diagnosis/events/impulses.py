@@ -3,34 +3,88 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
 from ...effects.catalogue import CATALOGUE
 from ...effects.effect import Effect
-from ...effects.surroundings.external import AngularImpulse
 from ...estimation.fit import Fit
 from ...estimation.refit import refine
 from ...estimation.runs import Run
-from ...types import Array
+from .base_templates import LONGEST, BaseTemplates
 from .event import Event, EventLimit, Events, PossibleEvent, Spans
-from .event_limits import NAMED, SNR, chance, named_from
-from .impulse_fit import EDGE, Impulse, ImpulseFit
-from .impulse_scan import AXES, ImpulseScan
-from .impulse_sizes import TAIL
+from .event_limits import named_from
+from .transient import AXES, BASE, Transient, chance, event_of
+from .transient_search import TransientSearch
 
+TAIL = 0.05  # s after an event in which nothing is used
 _USUAL = ('target_wheel_momentum', 'thruster_gain', 'command_delay')
 _ROUNDS = 4  # of steps that are left out
 _SHOWN = 0.3  # s, the duration whose limit stands for all
+_LASTS = LONGEST - 1e-6  # s, but for rounding
+_UNJUDGED = 'steps of the momentum are not judged'
+_SHARE = 0.3  # of a record that events may take, as their level is that of all other times
 
 
-def impulse_events(fit: Fit) -> Events:
-    """Steps of the angular momentum, named above a limit.
+class MomentumSteps:
+    """All steps of the angular momentum beside a fit.
 
     Args:
-        fit: Of a free base, what lasts in it.
+        fit: Of a free base.
     """
-    return _events(ImpulseScan(fit))
+
+    def __init__(self, fit: Fit) -> None:
+        self._robot, self._templates = fit.run.robot, BaseTemplates(fit)
+        self._search = TransientSearch(self._templates)
+        self.found = sorted(self._search.found, key=lambda p: p.start)
+        self.is_steady = self._search.is_steady
+
+    @property
+    def standing_out(self) -> Spans:
+        """Times of what is large even by the scatter of what is left, and short."""
+        longest = max(self._templates.durations, default=0.0)
+        return _spans(p for p in self.found if p.duration < longest)
+
+    @cached_property
+    def events(self) -> Events:
+        """All of them."""
+        templates, found = self._templates, self.found
+        if _SHOWN not in templates.durations:
+            why = f'{templates.seconds:.3g} s are too short'
+            return Events(limits=dict.fromkeys(AXES), notes=(f'{why}: {_UNJUDGED}',))
+        lengths = [p.duration for p in found]
+        comes_and_goes = max(lengths, default=0.0) < _LASTS
+        if not (self.is_steady and comes_and_goes and sum(lengths) < _SHARE * templates.seconds):
+            why = 'what is left beside the wheels is no noise'
+            return Events(limits=dict.fromkeys(AXES), notes=(f'{why}: {_UNJUDGED}',))
+        limit = named_from([p.z for p in found], templates.seconds / 3600.0)
+        cells = sum(2.0 / d for d in templates.durations) * templates.seconds
+        stds = [self._search.usual_std(BASE, d) for d in templates.durations]
+        return Events(
+            named=tuple(self._event(p, cells) for p in found if p.z >= limit),
+            possible=tuple(
+                PossibleEvent(
+                    start=p.start,
+                    end=p.end,
+                    joints=(),
+                    z=p.z,
+                    reason='weak',
+                    applied=(p.applied(self._robot),),
+                )
+                for p in found
+                if p.z < limit
+            ),
+            limits={
+                axis: EventLimit.of(limit, _SHOWN, templates.durations, own, 'N m s')
+                for axis, own in zip(AXES, np.transpose(stds).tolist(), strict=True)
+            },
+        )
+
+    def _event(self, p: Transient, cells: float) -> Event:
+        event = event_of(self._robot, [p], chance(p.z, cells), self._templates.seconds)
+        return replace(event, middle_std=self._search.middle_std(p))
 
 
 def steps_beside_usual(run: Run, causes: Sequence[Effect] = ()) -> tuple[Events, Spans]:
@@ -45,29 +99,20 @@ def steps_beside_usual(run: Run, causes: Sequence[Effect] = ()) -> tuple[Events,
         causes: What is known to be wrong of it.
     """
     known = {cause.key for cause in causes}
-    usual = [*causes, *(effect for effect in _usual(run) if effect.key not in known)]
+    usual = [*causes, *(effect for effect in usual_causes(run) if effect.key not in known)]
     spans: Spans = ()
     tried = {spans}
-    scan = ImpulseScan(refine(run, usual))
+    steps = MomentumSteps(refine(run, usual))
     for _ in range(_ROUNDS):
-        if scan.is_steady or (ahead := _spans(scan.standing_out)) in tried:
+        if steps.is_steady or (ahead := steps.standing_out) in tried:
             break
         tried.add(spans := ahead)
-        scan = ImpulseScan(Fit(run, refine(run.without(spans), usual).causes))
-    return _events(scan), spans
+        steps = MomentumSteps(Fit(run, refine(run.without(spans), usual).causes))
+    return steps.events, spans
 
 
-def covariances(run: Run, times: Array) -> list[Array]:
-    """(3, 3) of impulses at known times, beside each other and what is wrong of most.
-
-    Args:
-        run: Without any.
-        times: (M, 2) as of `ImpulseFit`.
-    """
-    return ImpulseFit(refine(run, _usual(run)), times).covariances
-
-
-def _usual(run: Run) -> list[Effect]:
+def usual_causes(run: Run) -> list[Effect]:
+    """What is wrong of most free bases."""
     return [
         kind(name=f'{kind.id}_{where}', where=where, values=kind.nominal())
         for kind in map(CATALOGUE.__getitem__, _USUAL)
@@ -75,71 +120,10 @@ def _usual(run: Run) -> list[Effect]:
     ]
 
 
-def large_steps(fit: Fit) -> Spans:
-    """Times of steps that are large even by what a fit leaves."""
-    return _spans(ImpulseScan(fit).standing_out)
-
-
 def spans_of(events: Events) -> Spans:
     """Times that events take, listed ones too, and what sensors spread of their ends [s]."""
     return _spans(events.all)
 
 
-def _spans(found: Iterable[Event | PossibleEvent | Impulse]) -> Spans:
-    return tuple((i.start - TAIL, i.end + TAIL) for i in found)
-
-
-def _events(scan: ImpulseScan) -> Events:
-    if _SHOWN not in scan.durations:
-        why = f'{scan.seconds:.3g} s are too short for steps of the momentum to be judged'
-        return Events(limits=dict.fromkeys(AXES), notes=(why,))
-    if not (scan.is_steady and scan.is_transient):
-        why = 'what is left beside the wheels is no noise: steps of the momentum are not judged'
-        return Events(limits=dict.fromkeys(AXES), notes=(why,))
-    limit = named_from([i.z for i in scan.found], scan.seconds / 3600.0)
-    cells = sum(2.0 / d for d in scan.durations) * scan.seconds
-    named = [_event(scan, i, cells) for i in scan.found if i.z >= limit]
-    possible = [
-        PossibleEvent(
-            start=i.start, end=i.end, joints=(), z=i.z, reason='weak', applied=_applied(i)
-        )
-        for i in scan.found
-        if i.z < limit
-    ]
-    snr = SNR if limit <= NAMED else SNR * limit / NAMED
-    stds = np.transpose([scan.usual_std(d) for d in scan.durations])
-    limits = {
-        axis: EventLimit(
-            duration=_SHOWN,
-            durations=scan.durations,
-            peaks=tuple((snr * own).tolist()),
-            unit='N m s',
-            snr=snr,
-        )
-        for axis, own in zip(AXES, stds, strict=True)
-    }
-    return Events(named=tuple(named), possible=tuple(possible), limits=limits)
-
-
-def _event(scan: ImpulseScan, found: Impulse, cells: float) -> Event:
-    return Event(
-        effect=AngularImpulse.id,
-        where=None,
-        joints=(),
-        start=max(found.start, 0.0),
-        end=found.end,
-        middle_std=scan.middle_std(found),
-        ongoing=found.end >= scan.seconds,
-        peak=dict(zip(AXES, found.value.tolist(), strict=True)),
-        peak_std=dict(zip(AXES, found.std.tolist(), strict=True)),
-        units=dict.fromkeys(AXES, 'N m s'),
-        z=found.z,
-        p_value=chance(found.z, cells),
-        applied=_applied(found),
-    )
-
-
-def _applied(found: Impulse) -> tuple[Effect, ...]:
-    sizes = dict(zip(AXES, found.value.tolist(), strict=True))
-    values = {'start': max(found.start, 0.0), 'end': found.end, 'edge': EDGE, **sizes}
-    return (AngularImpulse(name='event', where=None, values=values),)
+def _spans(found: Iterable[Event | PossibleEvent | Transient]) -> Spans:
+    return tuple((p.start - TAIL, p.end + TAIL) for p in found)

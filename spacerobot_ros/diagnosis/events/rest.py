@@ -21,11 +21,11 @@ from ...estimation.balance.arm_motion import ArmMotion
 from ...estimation.balance.balance import Balance, own_noise_in_band
 from ...model.robot import Robot
 from ...types import Array, BoolArray
-from .contact import Pulse, are_in_line, event_of, overlap
 from .event import EventLimit, Events, PossibleEvent
-from .event_limits import FRICTION_SHARE, LISTED, REST_SHARE, SNR
-from .moving import DURATIONS
-from .scan import PulseScan
+from .event_limits import FRICTION_SHARE, LISTED, REST_SHARE
+from .joint_templates import DURATIONS
+from .naming import MovingArm
+from .transient import Transient, are_in_line, event_of
 
 _SHORTEST = 0.15  # s beyond the bound
 _GAP = 0.3  # s below it that do not end an event
@@ -36,6 +36,7 @@ _FOOT = 0.15  # of the change: where it begins and ends
 _FELT = 1.0  # Coulomb torques that a joint must change by to feel it
 _EDGE = 0.25  # of its duration: a push that is held
 _LAG = 0.1  # s between samples whose differences are noise
+_CLEAR = 20.0  # times the fast scatter, of what is listed there
 _LARGE = 0.4  # of the largest deviation: what is listed where nobody knows the friction
 
 
@@ -84,13 +85,13 @@ class Rest:
             last += 1
         return slice(first, last + 1)
 
-    def pulse(self, span: slice) -> Pulse:
+    def pulse(self, span: slice) -> Transient:
         """Largest change from the level before."""
         change = self.torque[span] - self._levels(span)[0]
         at = int(np.argmax(np.abs(change)))
         peak, std = float(change[at]), float(self.bound[span][at])
         start, end = self.time[span][[0, -1]].tolist()
-        return Pulse(self.joint, self.run, start, end, _EDGE, peak, std, peak / std)
+        return Transient.on_joint(self.joint, self.run, (start, end, _EDGE), peak, std)
 
     def _levels(self, core: slice) -> tuple[float, float]:
         """Medians before and after; zero, the usual value, where the stretch ends."""
@@ -106,7 +107,7 @@ def rest_events(
     run: int,
     friction: Array,
     of_load: Array | float = 0.0,
-    scan: PulseScan | None = None,
+    moving: MovingArm | None = None,
 ) -> Events:
     """Events of one recording at joints that do not move.
 
@@ -115,18 +116,18 @@ def rest_events(
         run: Its number.
         friction: (n,) Coulomb torques; nan where nobody knows [N m].
         of_load: (n,) what friction holds more by the torque that a joint carries.
-        scan: What joints that move tell of the model; None: none does.
+        moving: What joints that move tell of the model; None: none does.
     """
     robot = balance.robot
     unknown = np.isnan(friction)
     bound = np.where(unknown, FRICTION_SHARE * robot.effort_limits, friction)
     held = bound + np.where(unknown, 0.0, of_load) * np.abs(balance.motion.effort)
     measured = np.flatnonzero(~_unmeasured(balance)).tolist()
-    stretches = [rest for j in measured for rest in rests(balance, run, j, held[:, j], scan)]
+    stretches = [rest for j in measured for rest in rests(balance, run, j, held[:, j], moving)]
     cores = [(rest, core) for rest in stretches for core in rest.cores(REST_SHARE)]
     pulses = [rest.pulse(rest.span(core)) for rest, core in cores]
     # what is no more than friction away from what was before creeps: nobody came
-    found = [pulse for pulse in pulses if abs(pulse.z) > REST_SHARE]
+    found = [pulse for pulse in pulses if pulse.z > REST_SHARE]
     last = float(balance.arm.times[-1])
     groups = [_felt(robot, first, stretches) for first in _apart(robot, found)]
     named = [event_of(robot, group, None, last) for group in groups]
@@ -134,7 +135,7 @@ def rest_events(
         _possible(balance, rest, core)
         for rest in stretches
         if unknown[rest.joint]
-        for core in rest.cores(0.0, max(_LARGE * np.max(np.abs(rest.torque)), SNR * rest.noise))
+        for core in rest.cores(0.0, max(_LARGE * np.max(np.abs(rest.torque)), _CLEAR * rest.noise))
         if not any(e.start < rest.time[core][-1] and rest.time[core][0] < e.end for e in named)
     ]
     limits: dict[str, EventLimit | None] = {
@@ -147,7 +148,7 @@ def rest_events(
 
 
 def rests(
-    balance: Balance, run: int, j: int, friction: Array, scan: PulseScan | None
+    balance: Balance, run: int, j: int, friction: Array, moving: MovingArm | None
 ) -> Iterator[Rest]:
     """All stretches of rest of a joint.
 
@@ -156,7 +157,7 @@ def rests(
         run: Its number.
         j: Number of the joint.
         friction: (N,) torque that its friction holds [N m].
-        scan: See `rest_events`.
+        moving: See `rest_events`.
     """
     arm = balance.arm
     known = arm.is_known
@@ -170,9 +171,9 @@ def rests(
         if (last - first) * arm.step < _STRETCH:
             continue
         time = arm.times[first : last + 1]
-        wrong, std = _of_model(balance, scan, run, j, time)
+        wrong, std = _of_model(balance, moving, run, j, time)
         x = missed[first : last + 1] - wrong
-        near = _reach(arm, len(at), *moves)[first - at[0] : last + 1 - at[0]] * _level(scan, j)
+        near = _reach(arm, len(at), *moves)[first - at[0] : last + 1 - at[0]] * _level(moving, j)
         spread = np.sqrt(std**2 + near**2 + float(sensor[j]) ** 2)
         holds = friction[first : last + 1]
         slack = holds + LISTED / REST_SHARE * std  # its own share takes little noise
@@ -184,28 +185,25 @@ def rests(
 
 
 def _of_model(
-    balance: Balance, scan: PulseScan | None, run: int, j: int, time: Array
+    balance: Balance, moving: MovingArm | None, run: int, j: int, time: Array
 ) -> tuple[Array, Array]:
     """(N,) torque that the model is wrong by, as far as other joints tell, and its deviation.
 
     Both but for a constant.
     """
-    if scan is None:
+    if moving is None:
         return np.zeros(len(time)), np.zeros(len(time))
-    columns, rows = scan.rows.columns[run][:, j], balance.row_times
+    columns, rows = moving.rows.columns[run][:, j], balance.row_times
     inside = (rows >= time[0]) & (rows <= time[-1])
     columns = columns - np.mean(columns[inside], axis=0)
-    wrong = columns @ scan.coefficients
-    return np.interp(time, rows, wrong), np.interp(time, rows, scan.spread(columns))
+    wrong = columns @ moving.beside.coefficients
+    return np.interp(time, rows, wrong), np.interp(time, rows, moving.beside.spread(columns))
 
 
-def _level(scan: PulseScan | None, j: int) -> float:
+def _level(moving: MovingArm | None, j: int) -> float:
     """Rms of what the model misses of a joint that moves [N m]."""
-    if scan is None or not len(scan.joints[j].kept.time):
-        return 0.0
-    own = scan.joints[j].kept
-    left = own.rows.torque - own.rows.columns @ scan.coefficients
-    return float(np.sqrt(np.mean((left * own.scale) ** 2)))
+    left = np.zeros(0) if moving is None else moving.beside.left_of(j)
+    return float(np.sqrt(np.mean(left**2))) if len(left) else 0.0
 
 
 def _reach(arm: ArmMotion, count: int, before: bool, after: bool) -> Array:
@@ -231,16 +229,16 @@ def _unmeasured(balance: Balance) -> BoolArray:
     return np.isnan(effort[0]) if effort is not None else np.ones(balance.robot.n_joints, bool)
 
 
-def _apart(robot: Robot, found: Sequence[Pulse]) -> list[Pulse]:
+def _apart(robot: Robot, found: Sequence[Transient]) -> list[Transient]:
     """The largest pulses at their times and branches."""
-    out: list[Pulse] = []
-    for p in sorted(found, key=lambda p: -abs(p.z)):
-        if not any(overlap(p, q) and are_in_line(robot, p.joint, q.joint) for q in out):
+    out: list[Transient] = []
+    for p in sorted(found, key=lambda p: -p.z):
+        if not any(p.overlaps(q) and are_in_line(robot, p.joint, q.joint) for q in out):
             out.append(p)
     return out
 
 
-def _felt(robot: Robot, first: Pulse, stretches: Sequence[Rest]) -> list[Pulse]:
+def _felt(robot: Robot, first: Transient, stretches: Sequence[Rest]) -> list[Transient]:
     """A pulse, and the change of every other joint at rest that feels the same."""
     others = []
     for rest in stretches:
@@ -248,10 +246,10 @@ def _felt(robot: Robot, first: Pulse, stretches: Sequence[Rest]) -> list[Pulse]:
             continue
         own = slice(*np.searchsorted(rest.time, [first.start, first.end]).tolist())
         pulse = rest.pulse(own)
-        if abs(pulse.z) > _FELT:
+        if pulse.z > _FELT:
             others.append(replace(pulse, start=first.start, end=first.end))
     out = [first]
-    for p in sorted(others, key=lambda p: -abs(p.z)):
+    for p in sorted(others, key=lambda p: -p.z):
         if all(are_in_line(robot, p.joint, q.joint) for q in out):
             out.append(p)
     return out

@@ -17,20 +17,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...effects.surroundings.external import AngularImpulse
 from ...model.robot import Robot
 from ...types import Array
-from ..events.contact import place_of
 from ..events.event import Event
-from ..events.event_limits import LISTED, NAMED, QUIET, QUIET_SIZE
+from ..events.event_limits import LISTED, NAMED, QUIET
+from ..events.transient import BASE, Transient, event_of, quiet_size
 from .block_innovations import Block
 from .probes import Probe
 
 _HISTORY, _FEWEST = 300, 20  # parts by which the usual scatter is known
-_QUIET_BASE = 1.19  # as `QUIET_SIZE`, of three axes together
 _NOW, _QUIET = 2, 0.5  # newest parts without a torque, for as long [s]: an event is over
 _SHAPE = 1.0 / 3.0  # of a bell's square that a constant torque leaves: no sign of other torques
 _LEAST = 1e-6  # of a sensor's square, below which its error is not seen
+_HELD = 1e-6  # of its duration: a torque that is constant rises at once
 _RIDGE = 1e-9  # of each square
 
 
@@ -151,8 +150,8 @@ class EventWatch:
         if len(self._usual) < _FEWEST:
             return None
         low = np.nanquantile(np.stack(self._usual), QUIET, axis=0)
-        low[:, :1] /= _QUIET_BASE
-        low[:, 1:] /= QUIET_SIZE
+        low[:, :1] /= quiet_size(3)
+        low[:, 1:] /= quiet_size(1)
         return np.asarray(np.fmax(low, 1.0))
 
     def _sensor_gain(self) -> float:
@@ -181,27 +180,24 @@ class EventWatch:
             least = max(LISTED**2, 0.5 * _SHAPE * whole)
             best = [k for k in every if k < b or sizes[k] > least] or best
         covariance = np.linalg.inv(_held(square[np.ix_(best, best)]))
-        torque = covariance @ part[best]
-        std = np.sqrt(np.diag(covariance)) * _by_axis(colour, b)[best]
-        joints = [k - b for k in best if k >= b]
+        torque, spread = covariance @ part[best], _by_axis(colour, b)[best]
+        covariance *= np.outer(spread, spread)
         start, end = self._parts[age].start, self._parts[0].end
-        effect, where = place_of(self._robot, joints) if joints else (AngularImpulse.id, None)
-        scale = 1.0 if joints else end - start
-        reported = [i for i, k in enumerate(best) if k >= b or not joints]
-        names = tuple(self._robot.joints[j] for j in joints)
-        units = {name: self._robot.unit_of('N m', name) for name in names}
-        return Event(
-            effect=effect,
-            where=where,
-            joints=names,
-            start=start,
-            end=end,
-            ongoing=True,
-            peak={self._names[best[i]]: float(torque[i]) * scale for i in reported},
-            peak_std={self._names[best[i]]: float(std[i]) * scale for i in reported},
-            units=units or {self._names[best[i]]: 'N m s' for i in reported},
-            z=z,
-        )
+        felt = [([i], 1.0, k - b) for i, k in enumerate(best) if k >= b]
+        pulses = [
+            Transient(
+                joint=joint,
+                run=0,
+                start=start,
+                end=end,
+                edge=_HELD,
+                value=scale * torque[own],
+                covariance=np.asarray(scale**2 * covariance[np.ix_(own, own)]),
+                z=z,
+            )
+            for own, scale, joint in felt or [([*range(b)], end - start, BASE)]
+        ]
+        return event_of(self._robot, pulses, None, end)
 
 
 def _by_axis(colour: Array, base: int) -> Array:
