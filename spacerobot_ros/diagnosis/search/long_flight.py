@@ -30,7 +30,7 @@ from ...inference.inferred import infer
 from ...recording.record import Record
 from ...types import Array
 from ..events.event import Events, Spans
-from ..events.impulses import impulse_events, spans_of
+from ..events.impulses import MomentumSteps, spans_of
 from ..limits import MOST_CAUSES
 from .found import Found, rivals_of
 from .linear_rows import CandidateColumns, LinearRows, variant_of
@@ -76,7 +76,7 @@ class Flight:
         """Without the times of steps of a free base's momentum beside some causes, and these."""
         if not self.runs[0].robot.is_free:
             return self, Events()
-        found = [impulse_events(Fit(run, causes)) for run in self.each()]
+        found = [MomentumSteps(Fit(run, causes)).events for run in self.each()]
         events = reduce(Events.with_more, found)
         spans: list[Spans] = [spans_of(own) if own.named else () for own in found]
         runs = (run.without(own) for run, own in zip(self.runs, spans, strict=True))
