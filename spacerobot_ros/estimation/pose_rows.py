@@ -183,12 +183,7 @@ class PoseRun(Run):
             leaves, or some causes.
     """
 
-    def __init__(
-        self,
-        record: Record,
-        robot: Robot,
-        believed: Sequence[Effect],
-    ) -> None:
+    def __init__(self, record: Record, robot: Robot, believed: Sequence[Effect]) -> None:
         super().__init__(record, robot, believed, noise_levels(robot.sensors, record)[0])
         self.windows = PoseWindows(record, self.robot)
         self.levels = np.ones((2, 1 + max(int(np.max(p.octave)) for p in self.windows.parts)))
@@ -264,12 +259,11 @@ class PoseRows:
         """(R, K); see `Rows.whitened`."""
         driven = self._windows.accelerations(self._inverse, forces)
         rows = [
-            np.einsum('rs,sak->ark', p.twice, driven[p.channel][p.steps][:, p.axes]).reshape(
-                -1, forces.shape[2]
-            )
+            np.einsum('rs,sak->ark', p.twice, driven[p.channel][p.steps][:, p.axes])
             for p in self._windows.parts
         ]
-        return np.asarray(np.concatenate(rows) / self._stds[:, None])
+        flat = [own.reshape(-1, forces.shape[2]) for own in rows]
+        return np.asarray(np.concatenate(flat) / self._stds[:, None])
 
     def force_correlation(self, weights: Array) -> Array:
         """(N, 6); see `Rows.force_correlation`."""
@@ -299,13 +293,8 @@ class PoseRows:
                 continue
             ratio = float(np.mean(slow) / max(np.mean(fast), _LEAST**2))
             p_value = float(fdtrc(len(slow), len(fast), ratio))
-            name = _CHANNELS[c][0]
-            fits.append(
-                ChannelFit(
-                    channel=name, axis=a, spread=ratio**0.5, p_value=p_value,
-                    question='slow', frequency=0.0, line_p=1.0,
-                )
-            )  # fmt: skip
+            told = {'spread': ratio**0.5, 'p_value': p_value, 'frequency': 0.0, 'line_p': 1.0}
+            fits.append(ChannelFit(channel=_CHANNELS[c][0], axis=a, question='slow', **told))
         return min([1.0, *(len(fits) * fit.p_value for fit in fits)]), tuple(fits)
 
     def channels(self) -> tuple[ChannelError, ...]:

@@ -223,15 +223,13 @@ class _Spins:
         return max(float(h.spike[0]) for h in self._every), self.rows.across(mean)
 
     def _series(self) -> tuple[Series, ...]:
-        rows, out, none = self.rows, list[Series](), np.zeros(0)
+        rows, out = self.rows, list[Series]()
+        every = rows.data, rows.left(self.found.mean), rows.noise
         for i, axis in enumerate('xyz'):
-            before, after, noise = (
-                x[:, rows.axis == i] for x in (rows.data, rows.left(self.found.mean), rows.noise)
-            )
-            place = np.repeat(np.arange(float(len(before))), before.shape[1])
+            before, after, noise = (x[:, rows.axis == i].ravel() for x in every)
+            place = np.linspace(0.0, len(rows.data), len(before), endpoint=False)
             floor = float(np.sqrt(np.mean(noise**2)))
-            one = f'gyro/{axis}', 'rad/s', place, none, before.ravel(), after.ravel(), floor
-            out.append(Series(*one))
+            out.append(Series(f'gyro/{axis}', 'rad/s', place, np.zeros(0), before, after, floor))
         return tuple(out)
 
 
