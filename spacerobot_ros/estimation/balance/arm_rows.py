@@ -82,7 +82,6 @@ class ArmRows:
         )
         both = zip(self.columns, columns_of(about or self.balances, more), strict=True)
         out.__dict__['columns'] = [np.concatenate(pair, axis=2) for pair in both]
-        out.__dict__['torques'] = self.torques
         return out
 
     @property
