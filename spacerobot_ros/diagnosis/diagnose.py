@@ -110,7 +110,7 @@ def _diagnosed(
         return _long(long, measured[0], robot, believed, kinds, report)
     balanced = _is_balanced(measured[0], robot)
     balances = [balance_of(record, robot, believed) for record in measured * balanced]
-    if still := _at_rest(balances, measured):
+    if still := _at_rest(balances, measured, lambda: arm_events(balances, None).events):
         return still
     if len(measured) > 1:
         found = find_arm_causes(measured, robot, believed, kinds, report, loaded)
@@ -168,12 +168,11 @@ def _long(
         flight, steps = find_in_stretches(long, run, kinds, report)
         return with_events(_concluded(flight, (*notes, long.note), report), steps)
     sample = [long.every[i] for i in long.sample]
-    balances = [balance_of(record, robot, believed) for record in sample]
-    if not any(b.arm.is_moving.any() for b in balances):
-        _, events = Stretches.of(long.every, robot).with_events(believed, None)
-        if not (events.named or events.possible):
-            refuse_rest(balances, sample)
-        return still_answer(balances, events)
+    if _is_balanced(record, robot):
+        balances = [balance_of(own, robot, believed) for own in sample]
+        every = Stretches.of(long.every, robot)
+        if still := _at_rest(balances, sample, lambda: every.with_events(believed, None)[1]):
+            return still
     found = find_arm_causes(sample, robot, believed, kinds, report, long=long)
     _, leftover = discover(found, report)
     said = tuple(replace(entry, applied=None) for entry in leftover)
@@ -188,7 +187,9 @@ def _balanced(
     return conclude_arm(*discover(found, report), (*notes, _BALANCED))
 
 
-def _at_rest(balances: Sequence[Balance], records: Sequence[Record]) -> Diagnosis | None:
+def _at_rest(
+    balances: Sequence[Balance], records: Sequence[Record], events_of: Callable[[], Events]
+) -> Diagnosis | None:
     """The answer where no joint moves, which events alone can be; None where one does.
 
     Raises:
@@ -196,7 +197,7 @@ def _at_rest(balances: Sequence[Balance], records: Sequence[Record]) -> Diagnosi
     """
     if not balances or any(b.arm.is_moving.any() for b in balances):
         return None
-    events = arm_events(balances, None).events
+    events = events_of()
     if not (events.named or events.possible):
         refuse_rest(balances, records)
     return still_answer(balances, events)

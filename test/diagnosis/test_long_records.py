@@ -191,3 +191,11 @@ def test_a_push_in_a_stretch_is_named_and_its_time_left_out(arm, small_memory):
     (event,) = found.events.named
     assert 69.5 < event.start < event.end < 71.0
     assert abs(coefficient(found).value - scaling.HIDDEN) < 4.0 * coefficient(found).std
+
+
+def test_noise_of_a_light_joints_efforts_is_no_gain(tmp_path, small_memory):
+    """Its columns alone promise 20 nats of a gain of 0.8; a model that has it loses 40."""
+    file = load_robot_file(scaling.robot_file(7, True, tmp_path, 'free'))
+    kinds = [CATALOGUE[name] for name in ('joint_viscous_friction', 'joint_torque_constant')]
+    found = diagnose(scaling.record_of(file.robot, 82.0), file.robot, (), kinds)
+    assert abs(coefficient(found).value - scaling.HIDDEN) < 4.0 * coefficient(found).std

@@ -33,7 +33,7 @@ from ..events.event import Events, Spans
 from ..events.impulses import MomentumSteps, spans_of
 from ..limits import MOST_CAUSES
 from .found import Found, rivals_of
-from .linear_rows import CandidateColumns, LinearRows, variant_of
+from .linear_rows import CandidateColumns, LinearRows, Variant, variant_of
 from .search import RelinearizedSearch
 from .timing import log_odds_of, timings
 
@@ -204,30 +204,45 @@ def find_in_stretches(
     causes, pool, run = _begun(long, first, kinds, report)
     report('looking for events', 0.4)
     flight, events = Flight.of(long.every, run).with_events(causes)
+    sample = Flight(tuple(flight.runs[i] for i in long.sample))
     found, rounds = None, 0
     while found is None:
         report('summing over all stretches', 0.5 + 0.2 * rounds)
-        causes, found = _summed(flight, causes, pool, is_last=rounds > 0)
+        causes, found = _summed(flight, sample, causes, pool, is_last=rounds > 0)
         rounds += 1
     return found, events
 
 
 def _summed(
-    flight: Flight, causes: Sequence[Effect], pool: tuple[Candidate, ...], *, is_last: bool
+    flight: Flight,
+    sample: Flight,
+    causes: Sequence[Effect],
+    pool: tuple[Candidate, ...],
+    *,
+    is_last: bool,
 ) -> tuple[tuple[Effect, ...], Found | None]:
     """What sums about a model want; with all that they say where its rows are as promised.
 
     Args:
         flight: The stretches.
+        sample: Some of them, in which new causes have to do what their columns promise.
         causes: Of the model.
         pool: Candidates.
         is_last: Whether no other causes may come, and this is all.
     """
     rows, blocks = flight.summed(causes, pool)
     every = [_barred(h) if is_last and _is_new(h) else h for h in rows.hypotheses]
-    inferred = infer(blocks, every, MOST_CAUSES)
-    keys = {cause.key for cause in inferred.causes}
-    chosen = [h for h in every if h.key in keys]
+    held = set[Variant]()
+    while True:
+        inferred = infer(blocks, every, MOST_CAUSES)
+        keys = {variant_of(cause) for cause in inferred.causes}
+        chosen = [h for h in every if h.key in keys]
+        new = [h for h in chosen if _is_new(h) and h.key not in held]
+        false = [h.key for h in new if not _is_as_promised(sample, rows, h, inferred.mean)]
+        if not false:
+            break
+        held |= keys - set(false)
+        every = [_barred(h) if h.key in false else h for h in every]
     moved = _moved(rows, chosen, inferred.mean)
     if any(map(_is_new, chosen)):
         return moved, None
@@ -253,6 +268,24 @@ def _begun(
     fit = search.find().fit
     sample = Flight.of([long.every[i] for i in long.sample], fit.run)
     return fit.causes, search.candidates, fit.run.timed(sample.timing(fit))
+
+
+def _is_as_promised(sample: Flight, rows: LinearRows, new: Hypothesis, mean: Array) -> bool:
+    """Whether a cause lessens the misfit by what its columns promise, but for half of its size.
+
+    Columns along noisy efforts are large where a link is light, and what they seem to take is
+    that noise, of which a model with the cause has as much.
+    """
+    candidate, causes = rows.columns.candidates[variant_of(new).number], rows.fit.causes
+    (guess,) = rows.guesses([new], mean)
+    lacking = 0.0
+    for run in sample.each():
+        fit = Fit(run, causes)
+        step = fit.signatures.whitened(candidate.small_steps) @ mean[new.columns]
+        promised = float(step @ (2.0 * fit.data - step))
+        lacking += promised - (fit.misfit - Fit(run, [*causes, guess]).misfit)
+        lacking -= 0.5 * float(step @ step)
+    return lacking < 0.0
 
 
 def _is_new(h: Hypothesis) -> bool:
