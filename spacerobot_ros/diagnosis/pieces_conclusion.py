@@ -29,7 +29,7 @@ from .answer.cause import Cause, Estimated, Evidence, Rival
 from .answer.result import Diagnosis, Gain, RecordingMisfit, Residual, Series
 from .answer.words import cause_in_words, verdict_of
 from .events.event import Events
-from .events.event_limits import FALSE_ALARMS
+from .limits import FALSE_ALARMS
 
 _GOOD = ('consistent', 'explained')
 

@@ -11,7 +11,7 @@ import spacerobot_ros
 
 PACKAGE = Path(spacerobot_ros.__file__).parent
 TABLES = [PACKAGE / 'inference' / 'decisive.py', PACKAGE / 'diagnosis' / 'limits.py']
-OWN = ('discovery', 'events', 'lone_bodies')  # rooms that are not on the one engine yet
+OWN = ('discovery', 'lone_bodies')  # rooms that are not on the one engine yet
 MOST = 40
 PLAIN = {0, 1, 2, 0.5}
 MODULES = sorted(

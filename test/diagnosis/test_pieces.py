@@ -14,7 +14,7 @@ from support.diagnosis import hand_made
 
 from spacerobot_ros.diagnosis import pieces as long_records
 from spacerobot_ros.diagnosis.diagnose import diagnose
-from spacerobot_ros.diagnosis.events.event_limits import FALSE_ALARMS
+from spacerobot_ros.diagnosis.limits import FALSE_ALARMS
 from spacerobot_ros.diagnosis.pieces import MOST_MEMORY, diagnose_pieces, pieces_of
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.effects.robot_file import load_robot_file

@@ -25,7 +25,7 @@ from ..answer.cause import Cause, Evidence, Rival
 from ..answer.residuals import residuals
 from ..answer.result import Diagnosis, Gain, Series
 from ..answer.words import cause_in_words
-from ..events.event_limits import FALSE_ALARMS
+from ..limits import FALSE_ALARMS
 from .lone_causes import cause_of, evidence_of
 from .spin_axis import Tilt, tilt_of
 from .spin_means import KINDS, MeanFit, SpinMeans

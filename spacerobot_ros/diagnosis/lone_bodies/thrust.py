@@ -24,7 +24,7 @@ from ...types import Array, IntArray
 from ..answer.cause import Cause, Evidence
 from ..answer.result import Diagnosis, Gain, Residual
 from ..answer.words import cause_in_words
-from ..events.event_limits import FALSE_ALARMS
+from ..limits import FALSE_ALARMS
 from .lone_causes import cause_of, evidence_of
 
 _DELAYS = np.linspace(0.0, 0.5, 26)  # s; tried
