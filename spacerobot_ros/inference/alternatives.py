@@ -10,10 +10,19 @@ import numpy as np
 from scipy.special import expit
 
 from ..types import Array, IntArray
-from .decisive import CONFOUNDED, MOST_RIVALS, RANK, THOROUGH
+from .bounded import RANK
+from .decisive import CONFOUNDED
 from .hypotheses import Hypotheses
 from .marginal import Marginal
 from .model_search import ChosenSet, best_set
+
+MOST_RIVALS = 5
+"""Of one cause that are sought: each further one takes a search. More within odds of 400 to 1 say
+that the motion tells nothing there, which five say as well."""
+
+THOROUGH = 1000
+"""Causes by hypotheses up to which moves of three at once are tried for rivals: bounds the run
+time, which grows with the square of the causes for each rival of each."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -30,14 +30,6 @@ CONFOUNDED = 6.0
 """Nats within which two causes are not told apart: odds of 400 to 1. `Very strong` begins at 150
 to 1 (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995)); a Gaussian prior's tail adds a nat."""
 
-MOST_RIVALS = 5
-"""Of one cause that are sought: each further one takes a search. More within odds of 400 to 1 say
-that the motion tells nothing there, which five say as well."""
-
-THOROUGH = 1000
-"""Causes by hypotheses up to which moves of three at once are tried for rivals: bounds the run
-time, which grows with the square of the causes for each rival of each."""
-
 IMPLAUSIBLE = 5.0
 """Slabs beyond which a value is a doubt of its own: one normal value in 1.7 million."""
 
@@ -48,31 +40,6 @@ CLUSTERS = 30
 """Fewest blocks for a cluster-robust covariance: a standard deviation from so many is itself known
 to 1 / sqrt(60) = 13 %."""
 
-FOLLOWED = 3
-"""Best exchanges for each cause beside which a further hypothesis is tried: bounds the run time;
-`test/inference/test_model_search.py` has how often the search then misses the best set."""
-
-BOUNDED = 10
-"""Moves of largest gain without bounds that are looked at with them: bounds the run time, where
-those of many bodies cost so much that any move might win some of it back."""
-
-RISE = 1e-3
-"""Nats that a move of the search must gain. Rounding of updates is below that (`UPDATES`), so no
-move is taken back for it, and the search can not cycle."""
-
-CUTS, CUT_LOSS = 60, 0.01
-"""Planes that stand for a matrix inequality: their number bounds the run time; the last one that
-costs less than a hundredth of a nat, far below any odds, ends them before."""
-
 MOST_RESOLVED = 1e3
 """Times the variance that is worth one datum that a slab may have: values of up to 30 sqrt(N)
 standard deviations are plausible. Rounding of the marginal sums, 1e-16, grows by as much."""
-
-UPDATES = 8
-"""Rank updates of the marginal sums before they are made anew. A slab is at most `MOST_RESOLVED`
-times the number of rows, 1e5, wider than what they resolve: an update loses 1e8 times the rounding
-of a gain, 1e-16 of 1e4 nats."""
-
-RANK = 1e-10
-"""Of the largest eigenvalue of a group's information: less is no direction of its own. Rounding of
-the marginal sums is 1e-12 of it."""

@@ -12,12 +12,12 @@ import numpy as np
 from ..types import Array
 from .alternatives import Alternative, alternatives
 from .cluster_robust import RobustCovariance, robust_covariance
-from .decisive import IMPLAUSIBLE, RISE
+from .decisive import IMPLAUSIBLE
 from .goodness import Goodness, goodness
 from .gram_blocks import GramBlocks
 from .hypotheses import Hypotheses
 from .hypothesis import Hypothesis
-from .model_search import ChosenSet, best_set
+from .model_search import RISE, ChosenSet, best_set
 from .validation import HeldOut, weakest
 
 

@@ -15,9 +15,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..types import Array, IntArray
-from .decisive import BOUNDED, FOLLOWED, RISE, UPDATES
 from .hypotheses import Hypotheses
 from .marginal import Marginal, SingleBounds
+
+FOLLOWED = 3
+"""Best exchanges for each cause beside which a further hypothesis is tried: bounds the run time;
+`test/inference/test_model_search.py` has how often the search then misses the best set."""
+
+BOUNDED = 10
+"""Moves of largest gain without bounds that are looked at with them: bounds the run time, where
+those of many bodies cost so much that any move might win some of it back."""
+
+RISE = 1e-3
+"""Nats that a move of the search must gain. Rounding of updates is below that (`UPDATES`), so no
+move is taken back for it, and the search can not cycle."""
+
+UPDATES = 8
+"""Rank updates of the marginal sums before they are made anew. A slab is at most `MOST_RESOLVED`
+times the number of rows, 1e5, wider than what they resolve: an update loses 1e8 times the rounding
+of a gain, 1e-16 of 1e4 nats."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,9 +17,9 @@ from sensor_msgs.msg import JointState
 from spacerobot_msgs.msg import Estimate as EstimateMessage
 
 from ..diagnosis.events.event import Event
-from ..diagnosis.events.event_limits import NAMED
 from ..diagnosis.flight.monitor import Monitor
 from ..diagnosis.flight.monitor_state import MonitorState
+from ..diagnosis.limits import EVENT
 from ..effects.catalogue import believed_effects
 from ..model.robot import Robot
 from ..recording import messages
@@ -163,7 +163,7 @@ class MonitorNode(SensorNode):
     def _event_status(self) -> Status:
         state = self.monitor.state
         event = state.event
-        values: dict[str, object] = {'events': state.events, 'limit [std]': NAMED}
+        values: dict[str, object] = {'events': state.events, 'limit [std]': EVENT}
         if event is None:
             words = 'nothing acts from outside'
             return Status('events', STALE if state.judged_ns is None else OK, words, values)

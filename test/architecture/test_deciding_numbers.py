@@ -11,14 +11,13 @@ import spacerobot_ros
 
 PACKAGE = Path(spacerobot_ros.__file__).parent
 TABLES = [PACKAGE / 'inference' / 'decisive.py', PACKAGE / 'diagnosis' / 'limits.py']
-OWN = ('events',)  # a room that is not on the one engine yet
 MOST = 40
 PLAIN = {0, 1, 2, 0.5}
 MODULES = sorted(
     path
     for room in ('inference', 'diagnosis')
     for path in (PACKAGE / room).rglob('*.py')
-    if path not in TABLES and path.parent.name not in OWN
+    if path not in TABLES
 )
 
 

@@ -14,10 +14,10 @@ from spacerobot_ros.diagnosis.answer.event_answer import with_events
 from spacerobot_ros.diagnosis.answer.result import Diagnosis
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.diagnosis.events.arm_events import arm_events
-from spacerobot_ros.diagnosis.events.event_limits import REST_SHARE
 from spacerobot_ros.diagnosis.events.naming import together
 from spacerobot_ros.diagnosis.events.rest import Rest
 from spacerobot_ros.diagnosis.events.transient import Transient, place_of
+from spacerobot_ros.diagnosis.limits import REST_SHARE
 from spacerobot_ros.effects.catalogue import CATALOGUE
 from spacerobot_ros.errors import RecordingError
 from spacerobot_ros.estimation.balance.arm_levels import leftover_level

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from spacerobot_ros.diagnosis.events.event import Event, Events, PossibleEvent
-from spacerobot_ros.diagnosis.events.event_limits import NAMED, ROOM
+from spacerobot_ros.diagnosis.events.naming_rule import ROOM
+from spacerobot_ros.diagnosis.limits import EVENT
 
 from ..campaigns import Results, TrialRecord, grouped, key
 from ..shares import share_of
@@ -79,7 +80,7 @@ def shown(results: Results) -> Results:
     """With which figures are asked of a group: names, sizes, and times."""
     groups = []
     for g in results['events']['groups']:
-        is_sized = g['kind'] != 'still' and g['ratio'] >= ROOM * NAMED
+        is_sized = g['kind'] != 'still' and g['ratio'] >= ROOM * EVENT
         timed = is_sized and bool(g['named'].hits)
         named = {'is_named': g['kind'] == 'still' or is_sized, 'is_timed': timed}
         groups.append({**g, **named, 'by_end': timed and bool(np.isnan(g['by_std_95']))})

@@ -21,7 +21,7 @@ from ..answer.result import Series
 from ..answer.words import at, first_few, telling, value_in_words
 from ..arms.arm_conclusion import rivals_of
 from ..arms.arm_verdict import doubts
-from ..events.event_limits import EXPLAINED
+from ..limits import EXPLAINED
 from .changes import Changes
 from .detectable import Detection
 

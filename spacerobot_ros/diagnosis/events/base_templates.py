@@ -17,7 +17,7 @@ import numpy as np
 from ...effects.surroundings.external import pulse_shape
 from ...estimation.fit import Fit
 from ...types import Array
-from .event_limits import QUIET
+from ..limits import QUIET
 from .matched import Filtered, MatchedFilter, Projection
 from .transient import BASE, Shapes, Transient
 

@@ -9,7 +9,8 @@ from typing import Any
 from ...effects.effect import Effect
 from ...formats import either
 from ...json_values import json_as, json_fields
-from .event_limits import FALSE_PER_HOUR, ROOM
+from ..limits import FALSE_PER_HOUR
+from .naming_rule import ROOM
 
 Spans = tuple[tuple[float, float], ...]
 """Starts and ends of times that nothing constant is estimated from [s]."""

@@ -15,8 +15,8 @@ from ...estimation.refit import refine
 from ...estimation.runs import Run
 from .base_templates import LONGEST, BaseTemplates
 from .event import Event, EventLimit, Events, PossibleEvent, Spans
-from .event_limits import named_from
-from .transient import AXES, BASE, Transient, chance, event_of
+from .naming_rule import chance, named_from
+from .transient import AXES, BASE, Transient, event_of
 from .transient_search import TransientSearch
 
 TAIL = 0.05  # s after an event in which nothing is used

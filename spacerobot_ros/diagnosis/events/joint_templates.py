@@ -21,7 +21,8 @@ from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.leftover import JointRows, KalmanGains
 from ...types import Array
 from .matched import Filtered, MatchedFilter, Projection
-from .transient import Shapes, Transient, quiet_size
+from .naming_rule import quiet_size
+from .transient import Shapes, Transient
 
 DURATIONS = (0.3, 0.6, 1.2, 2.4, 4.8)
 """Of the templates of a scan [s]; a bell half or twice as long still gives 94 % of its z."""

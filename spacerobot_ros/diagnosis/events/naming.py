@@ -16,12 +16,13 @@ from ...estimation.balance.arm_rows import ArmRows
 from ...estimation.balance.balance import Balance
 from ...model.robot import Robot
 from ...types import Array, IntArray
+from ..limits import EVENT, EXPLAINED, LISTED, SUSPECTED
 from .event import Event, EventLimit, Events, PossibleEvent
-from .event_limits import EXPLAINED, LISTED, NAMED, SUSPECTED, named_from
 from .joint_templates import DURATIONS, Arm, JointTemplates
 from .matched import MatchedFilter
+from .naming_rule import chance, named_from
 from .states import States
-from .transient import Shapes, Transient, are_in_line, chance, event_of, last_felt
+from .transient import Shapes, Transient, are_in_line, event_of, last_felt
 from .transient_search import TransientSearch
 
 _TOUCHING = 0.5  # s between two pulses that may be one: errors of a start come in a row
@@ -50,7 +51,7 @@ class MovingArm:
     def __init__(self, rows: ArmRows) -> None:
         self.rows, templates = rows, JointTemplates.of(rows)
         search = TransientSearch(templates, SUSPECTED)
-        if any(p.z >= NAMED for p in search.found):
+        if any(p.z >= EVENT for p in search.found):
             search = TransientSearch(
                 templates.about(search.raw).rescaled(search.raw), LISTED, search.raw
             )
@@ -146,7 +147,7 @@ class MovingArm:
         square = pulse_shape((arm.times - p.start) / (p.end - p.start), p.edge) ** 2
         share = float(np.sum(square[~near]) / np.sum(square))
         is_small = abs(p.value[0]) < _STICTION * self.coulomb(p.joint)
-        return share < 1.0 and is_small and p.z * math.sqrt(share) < NAMED
+        return share < 1.0 and is_small and p.z * math.sqrt(share) < EVENT
 
     def coulomb(self, j: int) -> float:
         """Dry friction of a joint that slides, all that was found of it [N m]."""

@@ -21,8 +21,8 @@ from ...estimation.balance.arm_motion import ArmMotion
 from ...estimation.balance.balance import Balance, own_noise_in_band
 from ...model.robot import Robot
 from ...types import Array, BoolArray
+from ..limits import FRICTION_SHARE, LISTED, REST_SHARE
 from .event import EventLimit, Events, PossibleEvent
-from .event_limits import FRICTION_SHARE, LISTED, REST_SHARE
 from .joint_templates import DURATIONS
 from .naming import MovingArm
 from .transient import Transient, are_in_line, event_of

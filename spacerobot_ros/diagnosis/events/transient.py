@@ -7,19 +7,16 @@ two. What a single joint feels may be its own drive or brake as well.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri
 
 from ...effects.effect import Effect
 from ...effects.surroundings.external import AngularImpulse, ExternalJointTorque, ExternalWrench
 from ...model.robot import Robot
 from ...types import Array
 from .event import Event
-from .event_limits import QUIET
 
 AXES = 'xyz'
 BASE = -1
@@ -136,21 +133,6 @@ def apart(found: Sequence[Transient], margin: float = 0.0) -> list[Transient]:
         if not any(p.joint == q.joint and p.overlaps(q, margin) for q in out):
             out.append(p)
     return out
-
-
-def quiet_size(k: int) -> float:
-    """`QUIET` of the norm of k normal numbers."""
-    return math.sqrt(float(chdtri(k, 1.0 - QUIET)))
-
-
-def as_rare(z: float, k: int) -> float:
-    """Norm of k normal numbers that is exceeded as seldom as the size z of one."""
-    return math.sqrt(float(chdtri(k, math.erfc(z / math.sqrt(2.0)))))
-
-
-def chance(z: float, cells: float) -> float:
-    """Probability that white noise exceeds z anywhere in so many independent templates."""
-    return min(1.0, cells * math.erfc(abs(z) / math.sqrt(2.0)))
 
 
 def are_in_line(robot: Robot, j: int, k: int) -> bool:

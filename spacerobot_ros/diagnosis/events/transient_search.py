@@ -13,9 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from ...types import Array
-from .event_limits import LISTED, QUIET, STEADY
+from ..limits import LISTED, QUIET, SCATTERED
 from .matched import Filtered, MatchedFilter, Templates
-from .transient import Shapes, Transient, apart, as_rare
+from .naming_rule import as_rare
+from .transient import Shapes, Transient, apart
 
 _MOST = 20  # rounds; transients where the noise is known
 _ZOOMS, _ZOOM = 2, 4.0
@@ -76,7 +77,7 @@ class TransientSearch:
     @property
     def is_steady(self) -> bool:
         """Whether what is left is noise, beside which what stands out is not all there is."""
-        return max(self._colours.values(), default=1.0) <= STEADY
+        return max(self._colours.values(), default=1.0) <= SCATTERED
 
     def usual_std(self, joint: int, duration: float) -> Array:
         """(k,) usual standard deviation of a bell of one of the durations; inf: unseen."""
@@ -255,7 +256,7 @@ class TransientSearch:
             self.templates = self.templates.about(found)
 
     def _sized(self, p: Transient, found: Sequence[Transient]) -> Transient:
-        """MatchedFilter all others."""
+        """Beside all others."""
         beside = self._beside([q for q in found if q is not p])
         shapes = Shapes.of(p)
         return _transient(p.joint, p.run, shapes, beside.test(p.joint, p.run, shapes), 0)

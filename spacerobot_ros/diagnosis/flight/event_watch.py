@@ -6,7 +6,7 @@ columns C. For one that began i parts ago and acts still, the columns of those p
     z_j = c_j' r / |c_j|  on joint j,    z^2 = g' G^-1 g,  g = c' r, G = c' c (3 x 3)  on the base.
 
 As in recordings (docs/events.md) what the model always leaves is no event: z counts by its usual
-scatter, and from `NAMED` on. What an error of one sensor explains better is none either.
+scatter, and from `EVENT` on. What an error of one sensor explains better is none either.
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ import numpy as np
 from ...model.robot import Robot
 from ...types import Array
 from ..events.event import Event
-from ..events.event_limits import LISTED, NAMED, QUIET
-from ..events.transient import BASE, Transient, event_of, quiet_size
+from ..events.naming_rule import quiet_size
+from ..events.transient import BASE, Transient, event_of
+from ..limits import EVENT, LISTED, QUIET
 from .block_innovations import Block
 from .probes import Probe
 
@@ -89,7 +90,7 @@ class EventWatch:
                 if end - self.event_end > _QUIET:
                     self._end()
                 return
-        elif np.max(z) < NAMED or self._sensor_gain() > raw[age, axis] ** 2:
+        elif np.max(z) < EVENT or self._sensor_gain() > raw[age, axis] ** 2:
             return
         square, part = self._since(int(age), information, vector)
         found = self._described(int(age), square, part, colour[age], float(np.max(z)))

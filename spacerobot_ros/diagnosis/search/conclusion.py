@@ -16,9 +16,9 @@ from ..answer.cause import Cause, Estimated, Evidence, Rival
 from ..answer.residuals import residuals, series
 from ..answer.result import Covariance, Diagnosis, Gain
 from ..answer.words import cause_in_words, verdict_of
-from ..limits import MOST_CAUSES
 from .doubts import doubts
 from .found import Found
+from .search import MOST_CAUSES
 
 _UNFINISHED = f'the search ended at {MOST_CAUSES} causes'
 

@@ -31,10 +31,9 @@ from ...recording.record import Record
 from ...types import Array
 from ..events.event import Events, Spans
 from ..events.impulses import MomentumSteps, spans_of
-from ..limits import MOST_CAUSES
 from .found import Found, rivals_of
 from .linear_rows import CandidateColumns, LinearRows, Variant, variant_of
-from .search import RelinearizedSearch
+from .search import MOST_CAUSES, RelinearizedSearch
 from .timing import log_odds_of, timings
 
 T = TypeVar('T')

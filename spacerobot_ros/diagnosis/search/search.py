@@ -23,16 +23,24 @@ from ...estimation.fit import Fit
 from ...estimation.refit import refine
 from ...estimation.runs import Run
 from ...formats import counted
-from ...inference.decisive import CONFOUNDED, FAMILYWISE, RISE
+from ...inference.decisive import CONFOUNDED, FAMILYWISE
 from ...inference.hypotheses import Hypotheses
 from ...inference.hypothesis import Hypothesis
 from ...inference.inferred import Inferred, InferredCause, infer
-from ...inference.model_search import ChosenSet, best_set
+from ...inference.model_search import RISE, ChosenSet, best_set
 from ...types import Array
-from ..limits import AHEAD, AT_ONCE, CLEAR, CURVED, FITS, MOST_CAUSES
+from ..limits import CLEAR, CURVED, FITS
 from .found import Found, rivals_of
 from .linear_rows import CandidateColumns, LinearRows, Variant, variant_of
 from .timing import log_odds_of, timings
+
+MOST_CAUSES = 12
+"""Causes of a record whose columns hold for small effects only: bounds the run time where nothing
+fits, and is said. More than three at once were never told apart in 20 s."""
+
+AT_ONCE, AHEAD = 4, 8
+"""Causes that are fitted before columns are made anew, and that columns may want beyond a fit's,
+to see them beside each other: both bound the run time of a model that is far off."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
