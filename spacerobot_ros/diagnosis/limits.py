@@ -127,7 +127,3 @@ friction holds anything between plus and minus that torque, and starts above it 
 FRICTION_SHARE = 0.1
 """Of a joint's largest torque in the URDF that its dry friction is thought to be at most, where
 nobody says: 5 to 7 % on a UR10e."""
-
-FALSE_ALARMS = 1e-3
-"""Expected false names a record, over all candidates and the values that were searched
-(Bonferroni). The campaign saw 1 in 284 clean records, 95 % bound 2 %."""

@@ -147,13 +147,7 @@ _LAWS = {
         ('q', '1, x - centre', 1.5, 'a spring', 'centre'),
         ('q', '1, x - centre, (x - centre)**2, (x - centre)**3', 1.5, 'a spring', 'centre'),
         ('q', 'sin(m*x), cos(m*x)', 2.5, 'a torque that goes round', 'whole turns'),
-        (
-            'q',
-            'min(x, lower) - lower, max(x, upper) - upper',
-            3.0,
-            'a spring near the stops',
-            'stops',
-        ),
+        ('q', _STOP, 3.0, 'a spring near the stops', 'stops'),
     ),
     'coupled': (
         ('p', '1, x - centre', 2.5, 'a spring to another joint', 'centre'),

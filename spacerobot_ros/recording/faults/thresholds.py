@@ -34,7 +34,6 @@ GAIN = 20.0  # and this much less than none: friction and wheels leave more
 BODY_OFF = (
     0.25  # of a body's mass and inertia, as a tool that is mounted or a file of another make
 )
-ROUGH = 0.05  # of a joint's torque, what nothing explains beside all that is unsure
 SPOILED = 1.2  # a slip may leave this much more to a joint that it does not mend: noise
 TURNED = 0.35  # rad from the file's gravity; less is a base that does not stand level
 NEARER = 0.5  # of what is unlike beside friction and bias: a base that is turned leaves a tenth,
