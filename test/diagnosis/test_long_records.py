@@ -199,3 +199,15 @@ def test_noise_of_a_light_joints_efforts_is_no_gain(tmp_path, small_memory):
     kinds = [CATALOGUE[name] for name in ('joint_viscous_friction', 'joint_torque_constant')]
     found = diagnose(scaling.record_of(file.robot, 82.0), file.robot, (), kinds)
     assert abs(coefficient(found).value - scaling.HIDDEN) < 4.0 * coefficient(found).std
+
+
+def test_currents_of_a_long_record_tell_their_constants(arm, small_memory):
+    record = scaling.record_of(arm.robot, 60.02)
+    names = arm.robot.joints
+    stamps, currents = record.joints.stamp_ns, record.effort / 0.5
+    joints = JointSeries(names, stamps, record.q, None, currents, in_amperes=names)
+    kinds = [*KINDS, CATALOGUE['joint_torque_constant']]
+    found = diagnose(Record(joints), arm.robot, (), kinds)
+    assert 'too long' in ''.join(found.notes)
+    constants = [c for c in found.causes if c.applied.id == 'motor_constant']
+    assert [c.applied['constant'] for c in constants] == pytest.approx([0.5, 0.5], rel=0.05)
