@@ -91,9 +91,8 @@ def candidate_of(
         options=dict(law.options),
         machine=machine_of(rows.robot.urdf),
     )
-    missed = float(np.sqrt(np.mean(rows.joints[j].torque ** 2)))
     values = np.concatenate([motions.values(law, run) for run in range(len(rows.balances))])
-    steps = _SIZE * missed / np.sqrt(np.mean(values**2, axis=0))
+    steps = sizes_of(rows.joints[j].torque, values)
     sizes = np.where(is_theirs, _HELD, 1.0) * steps
     return LawCandidate(
         kind=LearnedTorque,
@@ -111,6 +110,11 @@ def candidate_of(
         of=law,
         effect=effect,
     )
+
+
+def sizes_of(missed: Array, terms: Array) -> Array:
+    """(k,) plausible coefficients of terms (R, k) of a law, by the torque (M,) that is missed."""
+    return np.asarray(_SIZE * np.sqrt(np.mean(missed**2) / np.mean(terms**2, axis=0)))
 
 
 def left_of(
