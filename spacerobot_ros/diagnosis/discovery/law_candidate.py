@@ -97,7 +97,7 @@ def candidate_of(
         guard=guard,
     )
     values = np.concatenate([motions.values(law, run) for run in range(len(rows.balances))])
-    steps = law_sizes(rows, j, values)
+    steps = sizes_of(rows.joints[j].torque, values)
     sizes = np.where(is_theirs, _HELD, 1.0) * steps
     return LawCandidate(
         kind=LearnedTorque,
@@ -117,10 +117,10 @@ def candidate_of(
     )
 
 
-def law_sizes(rows: ArmRows, j: int, values: Array) -> Array:
-    """(k,) plausible sizes of coefficients of functions (N, k) at joint j, by what is missed."""
-    missed = float(np.sqrt(np.mean(rows.joints[j].torque ** 2)))
-    return np.asarray(_SIZE * missed / np.maximum(np.sqrt(np.mean(values**2, axis=0)), 1e-300))
+def sizes_of(missed: Array, terms: Array) -> Array:
+    """(k,) plausible coefficients of terms (R, k) of a law, by the torque (M,) that is missed."""
+    size = np.maximum(np.mean(terms**2, axis=0), 1e-300)
+    return np.asarray(_SIZE * np.sqrt(np.mean(missed**2) / size))
 
 
 def _formula_of(law: Law, j: int, motions: ArmMotions) -> Formula:

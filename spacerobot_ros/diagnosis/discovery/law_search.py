@@ -15,18 +15,19 @@ from typing import cast
 import numpy as np
 
 from ...effects.laws.grammar import quantity
+from ...estimation.balance.arm_candidates import ZEROS
 from ...estimation.balance.arm_priors import COUPLED
 from ...inference.hypotheses import Hypotheses
-from ...inference.hypothesis import Hypothesis
 from ...inference.inferred import InferredCause, infer
 from ...inference.model_search import ChosenSet, best_set
 from ...inference.validation import HeldOut
+from ...types import Array
 from ..arms.arm_found import ArmFound
 from ..arms.arm_hypotheses import arm_hypotheses
 from ..arms.spectral_level import SpectralRows
 from ..limits import WRONG_ANSWERS
 from .arm_motions import ArmMotions
-from .law_candidate import LawCandidate, candidate_of, law_sizes, left_of
+from .law_candidate import LawCandidate, candidate_of, left_of, sizes_of
 from .possible_laws import REFINED, SHAPE, Law
 from .screen import JointScreen
 
@@ -77,7 +78,10 @@ class LawSearch:
         moves = [len(own.torque) > 0 for own in self._rows.joints[: len(driven)]]
         self.moving = np.flatnonzero(driven & moves).tolist()
         kinds = [c.kind.id for c in self._rows.candidates]
-        self._may_go = frozenset(i for i in found.fit.chosen if kinds[i] in REPLACEABLE)
+        self._causes = frozenset(found.fit.chosen)
+        self._may_go = frozenset(i for i in self._causes if kinds[i] in REPLACEABLE)
+        # an offset is free: a spring, whose rest angle it is, is no more of a law for it
+        self._offsets = frozenset(i for i, kind in enumerate(kinds) if kind in ZEROS)
         self._first, self._laws = len(kinds), list[LawCandidate]()
         self._screens = dict[int, JointScreen]()
         self._asked = dict[int, tuple[list[int], list[Law]]]()
@@ -87,12 +91,12 @@ class LawSearch:
     @cached_property
     def _in_noise(self) -> dict[int, list[JointScreen]]:
         """Of each joint, in noise that grows with the rate more or less."""
-        causes = self._found.fit.chosen
+        causes = self._causes
         return {j: [JointScreen(self.motions, j, causes, s) for s in _LOUD] for j in self.moving}
 
     def run(self) -> list[FoundLaw]:
         """What is chosen beside the causes."""
-        chosen, before = frozenset(self._found.fit.chosen), None
+        chosen, before = self._causes | self._offsets, None
         while chosen != before and (more := self._proposed(chosen)):
             self._laws += more
             # beside all that may be, as what is chosen is no part of the noise that judges it
@@ -125,11 +129,11 @@ class LawSearch:
         levels = list(self._found.levels)
         for j, screen in self._screens.items():
             levels[j] = screen.variances
-        stay = set(self._found.fit.chosen) - self._may_go
+        stay = (self._causes | self._offsets) - self._may_go
         every = [
             h
             if i >= self._first
-            else self._like_a_law(h, i)
+            else replace(h, slab=self._as_of_law(i))
             if i in self._may_go
             else replace(h, log_odds=math.inf if i in stay else -math.inf)
             for i, h in enumerate(arm_hypotheses(rows))
@@ -139,13 +143,11 @@ class LawSearch:
         spectral.add(loud, levels)
         return Hypotheses(spectral.blocks(loud, chosen), every)
 
-    def _like_a_law(self, h: Hypothesis, i: int) -> Hypothesis:
-        """A cause with the prior of a law: that of its own size would count for laws."""
-        own = self._rows.places[i]
-        sizes = [
-            law_sizes(self._rows, j, self._rows.joints[j].columns[:, own]) for j in self.moving
-        ]
-        return replace(h, slab=np.min(sizes, axis=0))
+    def _as_of_law(self, i: int) -> Array:
+        """(k,) sizes of a cause as of a law: by its own it would be another hypothesis."""
+        at, rows = self._rows.places[i], self._rows.joints
+        each = [sizes_of(rows[j].torque, rows[j].columns[:, at]) for j in self.moving]
+        return np.min(each, axis=0)  # of the joint that shows it most
 
     def _proposed(self, chosen: Collection[int]) -> list[LawCandidate]:
         """Laws that were not proposed before: beside all causes, and beside those that stay."""
@@ -186,7 +188,7 @@ class LawSearch:
         numbers = sorted(chosen)
         laws = (self._laws[i - self._first] for i in numbers if i >= self._first)
         here = [law.of for law in laws if j in self._places(law)]
-        return [i for i in numbers if i < self._first], here
+        return [i for i in numbers if i in self._causes], here
 
     def _by_chance(self, hypotheses: Hypotheses, found: ChosenSet) -> list[int]:
         """The law of a set that chance explains most easily, if it does."""

@@ -58,6 +58,13 @@ class _Slip:
         order = self.order(values.shape[1], effort=effort)
         return np.asarray(values[:, order] / (self.effort if effort else self.motion))
 
+    def changed(self, n: int) -> BoolArray:
+        """(n,) joints that it could mend: those whose efforts it changed, or any by the motion."""
+        if not self.keeps_motion or self.gravity:
+            return np.ones(n, dtype=bool)
+        is_other = self.order(n, effort=True) != np.arange(n)
+        return np.asarray(is_other | (np.broadcast_to(self.effort, n) != 1.0))
+
     def order(self, n: int, *, effort: bool) -> IntArray:
         """(n,) columns of positions or efforts as they would be without it."""
         order = np.arange(n)
@@ -99,14 +106,17 @@ def find_torque_faults(record: Record, robot: Robot) -> tuple[DataFault, ...]:
     shares[turned & ~nearer] = np.inf
     for way in range(len(before)):
         best = int(np.argmin(shares[:, way].mean(axis=1)))
-        if _explains(before[way], shares[best, way]):
+        own = slips[best].changed(len(torques.moves))
+        if _explains(before[way], shares[best, way], own):
             return (slips[best].fault,)
     return ()
 
 
-def _explains(before: Array, after: Array) -> bool:
-    """Whether a slip mends at least one joint and spoils none; noise is left as it is."""
-    mended = (before > limits.UNLIKE) & (after < np.minimum(limits.ALIKE, before / limits.GAIN))
+def _explains(before: Array, after: Array, own: BoolArray) -> bool:
+    """Whether a slip mends at least one of its own joints and spoils none; noise stays."""
+    mended = (
+        own & (before > limits.UNLIKE) & (after < np.minimum(limits.ALIKE, before / limits.GAIN))
+    )
     return bool(mended.any() and np.all(after < np.maximum(limits.ALIKE, limits.SPOILED * before)))
 
 

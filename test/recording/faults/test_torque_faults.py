@@ -13,7 +13,7 @@ mujoco = pytest.importorskip('mujoco')
 from support.against_mujoco import point_mass  # noqa: E402
 
 from spacerobot_ros.effects.robot_file import load_robot_file  # noqa: E402
-from spacerobot_ros.recording.faults.torque_faults import find_torque_faults, smoothed  # noqa: E402
+from spacerobot_ros.recording.faults.torque_faults import _explains, find_torque_faults, smoothed  # noqa: E402
 from spacerobot_ros.recording.record import JointSeries, Record  # noqa: E402
 from validation.mujoco.truth import ROBOTS, generate  # noqa: E402
 
@@ -246,3 +246,9 @@ def test_slips_are_named_beside_unknown_wheels_and_bodies_that_are_a_quarter_off
         assert find_torque_faults(record, believed) == ()
         (fault,) = find_torque_faults(changed(record, **changes), believed)
         assert words in fault.message
+
+
+def test_joints_that_a_slip_did_not_change_do_not_name_it():
+    before, after = np.array([0.03, 1.1, 1.1]), np.array([0.001, 0.9, 0.9])
+    assert not _explains(before, after, np.array([False, True, True]))
+    assert _explains(before, after, np.array([True, True, True]))
