@@ -74,11 +74,8 @@ def test_as_many_as_are_looked_for_are_named(bumped, monkeypatch):
     assert len(steps_beside_usual(bumped[0])[0].named) == len(STEPS)
 
 
-def test_what_changes_all_the_time_is_no_step_and_is_not_taken_apart(robot, monkeypatch, rng):
+def test_what_changes_all_the_time_is_no_step(robot, monkeypatch, rng):
     monkeypatch.setattr(search, '_MOST', 4)
-    monkeypatch.setattr(
-        search.TransientSearch, '_split', lambda *found: pytest.fail('taken apart')
-    )
     walk = [(0.6 * k, 0.6 * (k + 1), rng.normal(size=3)) for k in range(12)]
     events = steps_beside_usual(run_of(robot, walk, 8.0))[0]
     assert events.named == events.possible == ()

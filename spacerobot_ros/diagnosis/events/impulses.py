@@ -16,7 +16,7 @@ from ...estimation.runs import Run
 from .base_templates import LONGEST, BaseTemplates
 from .event import Event, EventLimit, Events, PossibleEvent, Spans
 from .naming_rule import chance, named_from
-from .transient import AXES, BASE, Transient, event_of
+from .transient import AXES, BASE, Transient, event_of, possible_of
 from .transient_search import TransientSearch
 
 TAIL = 0.05  # s after an event in which nothing is used
@@ -64,18 +64,7 @@ class MomentumSteps:
         stds = [self._search.usual_std(BASE, d) for d in templates.durations]
         return Events(
             named=tuple(self._event(p, cells) for p in found if p.z >= limit),
-            possible=tuple(
-                PossibleEvent(
-                    start=p.start,
-                    end=p.end,
-                    joints=(),
-                    z=p.z,
-                    reason='weak',
-                    applied=(p.applied(self._robot),),
-                )
-                for p in found
-                if p.z < limit
-            ),
+            possible=tuple(possible_of(self._robot, [p], 'weak') for p in found if p.z < limit),
             limits={
                 axis: EventLimit.of(limit, _SHOWN, templates.durations, own, 'N m s')
                 for axis, own in zip(AXES, np.transpose(stds).tolist(), strict=True)

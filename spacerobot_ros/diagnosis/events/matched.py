@@ -83,6 +83,11 @@ class Projection:
         own = solve_triangular(self._lower, self._right, lower=True, trans=1)
         return np.asarray(self._scale * own)
 
+    @property
+    def covariance(self) -> Array:
+        """(K, K) of their coefficients."""
+        return self.solved(np.eye(len(self._scale)))
+
     def solved(self, right: Array) -> Array:
         """(K, C) coefficients by which the columns make up what they can of A' of others."""
         own = cho_solve((self._lower, True), self._scale[:, None] * right)

@@ -22,7 +22,7 @@ from .joint_templates import DURATIONS, Arm, JointTemplates
 from .matched import MatchedFilter
 from .naming_rule import chance, named_from
 from .states import States
-from .transient import Shapes, Transient, are_in_line, event_of, last_felt
+from .transient import Shapes, Transient, are_in_line, event_of, last_felt, possible_of
 from .transient_search import TransientSearch
 
 _TOUCHING = 0.5  # s between two pulses that may be one: errors of a start come in a row
@@ -76,7 +76,7 @@ class MovingArm:
         possible: list[PossibleEvent] = []
         for own in together(self.rows.robot, self.found):
             if reason := self._spoiled(own[0]) or self._why[own[0]]:
-                possible.append(self._possible(own, reason))
+                possible.append(possible_of(self.rows.robot, _felt(own), reason))
             else:
                 named.append(self._event(own))
         unjudged = [self._joints[j] for j in range(len(self._joints)) if not self._explained[j]]
@@ -190,17 +190,6 @@ class MovingArm:
         if wrench is None:
             return event
         return replace(event, wrench=wrench, applied=(applied_wrench(first, link, wrench),))
-
-    def _possible(self, own: Sequence[Transient], reason: str) -> PossibleEvent:
-        first = own[0]
-        return PossibleEvent(
-            start=first.start,
-            end=first.end,
-            joints=tuple(self._joints[p.joint] for p in _felt(own)),
-            z=first.z,
-            reason=reason,
-            recording=first.run,
-        )
 
     def _limits(self) -> dict[str, EventLimit | None]:
         out: dict[str, EventLimit | None] = {}

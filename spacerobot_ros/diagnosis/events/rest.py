@@ -25,7 +25,7 @@ from ..limits import FRICTION_SHARE, LISTED, REST_SHARE
 from .event import EventLimit, Events, PossibleEvent
 from .joint_templates import DURATIONS
 from .naming import MovingArm
-from .transient import Transient, are_in_line, event_of
+from .transient import Transient, are_in_line, event_of, possible_of
 
 _SHORTEST = 0.15  # s beyond the bound
 _GAP = 0.3  # s below it that do not end an event
@@ -132,7 +132,7 @@ def rest_events(
     groups = [_felt(robot, first, stretches) for first in _apart(robot, found)]
     named = [event_of(robot, group, None, last) for group in groups]
     possible = [
-        _possible(balance, rest, core)
+        _possible(robot, rest, core)
         for rest in stretches
         if unknown[rest.joint]
         for core in rest.cores(0.0, max(_LARGE * np.max(np.abs(rest.torque)), _CLEAR * rest.noise))
@@ -269,15 +269,11 @@ def _limit(rest: Rest, unit: str) -> EventLimit:
     )
 
 
-def _possible(balance: Balance, rest: Rest, core: slice) -> PossibleEvent:
-    return PossibleEvent(
-        start=float(rest.time[core][0]),
-        end=float(rest.time[core][-1]),
-        joints=(balance.robot.joints[rest.joint],),
-        z=float(np.max(np.abs(rest.torque[core]))) / max(rest.noise, 1e-12),
-        reason='friction',
-        recording=rest.run,
-    )
+def _possible(robot: Robot, rest: Rest, core: slice) -> PossibleEvent:
+    size, ends = float(np.max(np.abs(rest.torque[core]))), rest.time[core][[0, -1]].tolist()
+    times, noise = (ends[0], ends[1], _EDGE), max(rest.noise, 1e-12)
+    pulse = Transient.on_joint(rest.joint, rest.run, times, size, noise)
+    return possible_of(robot, [pulse], 'friction')
 
 
 def _usual(values: Array, bound: float) -> float:

@@ -16,7 +16,7 @@ from ...effects.effect import Effect
 from ...effects.surroundings.external import AngularImpulse, ExternalJointTorque, ExternalWrench
 from ...model.robot import Robot
 from ...types import Array
-from .event import Event
+from .event import Event, PossibleEvent
 
 AXES = 'xyz'
 BASE = -1
@@ -194,4 +194,18 @@ def event_of(
         rivals=alone,
         recording=first.run,
         applied=tuple(p.applied(robot) for p in felt),
+    )
+
+
+def possible_of(robot: Robot, pulses: Sequence[Transient], reason: str) -> PossibleEvent:
+    """What some joints feel, or the base, at the time of the largest, listed for a reason."""
+    first = max(pulses, key=lambda p: p.z)
+    return PossibleEvent(
+        start=first.start,
+        end=first.end,
+        joints=tuple(robot.joints[p.joint] for p in pulses if p.joint != BASE),
+        z=first.z,
+        reason=reason,
+        recording=first.run,
+        applied=tuple(p.applied(robot) for p in pulses if p.joint == BASE),
     )

@@ -62,8 +62,11 @@ class TransientSearch:
             if len(raw) <= len(known):
                 break
         raw = self._standing(raw)
-        if self.templates.shows and self.is_steady:
-            raw = self._standing(self._split(raw))
+        is_few = len(raw) < _MOST // 2  # what changes all the time is no two steps either
+        if self.templates.shows and (self.is_steady or is_few):
+            raw = self._split(raw)
+            self._peaks(raw, least)
+            raw = self._standing(raw)
         self.raw = raw
         self._peaks(raw, least)
         self.found = sorted(map(self._scaled, raw), key=lambda p: -p.z)

@@ -20,6 +20,7 @@ import numpy as np
 from ...model.robot import Robot
 from ...types import Array
 from ..events.event import Event
+from ..events.matched import Projection
 from ..events.naming_rule import quiet_size
 from ..events.transient import BASE, Transient, event_of
 from ..limits import EVENT, LISTED, QUIET
@@ -31,7 +32,6 @@ _NOW, _QUIET = 2, 0.5  # newest parts without a torque, for as long [s]: an even
 _SHAPE = 1.0 / 3.0  # of a bell's square that a constant torque leaves: no sign of other torques
 _LEAST = 1e-6  # of a sensor's square, below which its error is not seen
 _HELD = 1e-6  # of its duration: a torque that is constant rises at once
-_RIDGE = 1e-9  # of each square
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,10 +140,7 @@ class EventWatch:
             square, part = self._since(age, information, vector)
             own = np.diag(square)
             out[age, 1:] = np.abs(part[b:]) / np.sqrt(np.where(own[b:] > 0.0, own[b:], np.inf))
-            base = 0.0
-            if b and np.all(own[:b] > 0.0):
-                base = float(part[:b] @ np.linalg.solve(_held(square[:b, :b]), part[:b]))
-            out[age, 0] = np.sqrt(max(base, 0.0))
+            out[age, 0] = np.sqrt(_alone(square, part, list(range(b))).gain)
         return out
 
     def _colour(self) -> Array | None:
@@ -172,17 +169,17 @@ class EventWatch:
         alone = [[b + j] for j in range(len(part) - b)] + ([every[:b]] if b else [])
         rows = sum(len(own.data) for own in self._parts)
         cost = np.log(rows)  # of one more number (Schwarz 1978)
-        best = max(alone, key=lambda axes: _gain(square, part, axes) - cost * len(axes))
-        whole = _gain(square, part, every)
+        best = max(alone, key=lambda axes: _alone(square, part, axes).gain - cost * len(axes))
+        together = _alone(square, part, every)
+        whole = together.gain
         rest = max(LISTED**2 + cost * len(every), _SHAPE * whole)
-        if whole - _gain(square, part, best) > rest:
-            covariance = np.linalg.inv(_held(square))
-            sizes = (covariance @ part) ** 2 / np.diag(covariance) / _by_axis(colour, b) ** 2
+        if whole - _alone(square, part, best).gain > rest:
+            spread = np.diag(together.covariance) * _by_axis(colour, b) ** 2
+            sizes = together.coefficients**2 / spread
             least = max(LISTED**2, 0.5 * _SHAPE * whole)
             best = [k for k in every if k < b or sizes[k] > least] or best
-        covariance = np.linalg.inv(_held(square[np.ix_(best, best)]))
-        torque, spread = covariance @ part[best], _by_axis(colour, b)[best]
-        covariance *= np.outer(spread, spread)
+        found, scatter = _alone(square, part, best), _by_axis(colour, b)[best]
+        torque, covariance = found.coefficients, found.covariance * np.outer(scatter, scatter)
         start, end = self._parts[age].start, self._parts[0].end
         felt = [([i], 1.0, k - b) for i, k in enumerate(best) if k >= b]
         pulses = [
@@ -206,13 +203,6 @@ def _by_axis(colour: Array, base: int) -> Array:
     return np.append(np.full(base, colour[0]), colour[1:])
 
 
-def _gain(square: Array, part: Array, axes: list[int]) -> float:
-    """z^2 of some axes together."""
-    own = part[axes]
-    return float(own @ np.linalg.solve(_held(square[np.ix_(axes, axes)]), own))
-
-
-def _held(square: Array) -> Array:
-    """A normal matrix that can be inverted where some column is not seen."""
-    own = np.diag(square)
-    return square + np.diag(_RIDGE * own + np.where(own > 0.0, 0.0, 1.0))
+def _alone(square: Array, part: Array, axes: list[int]) -> Projection:
+    """Some axes together, without the others."""
+    return Projection.of(square[np.ix_(axes, axes)], part[axes])
