@@ -17,6 +17,7 @@ import numpy as np
 from ...effects.laws.grammar import quantity
 from ...estimation.balance.arm_candidates import ZEROS
 from ...estimation.balance.arm_priors import COUPLED
+from ...inference.decisive import CLUSTERS
 from ...inference.hypotheses import Hypotheses
 from ...inference.inferred import InferredCause, infer
 from ...inference.model_search import ChosenSet, best_set
@@ -106,6 +107,9 @@ class LawSearch:
         if not self._laws:
             return []
         hypotheses = self._hypotheses(chosen)
+        blocks = hypotheses.blocks.grams(np.zeros(0, dtype=int))
+        if sum(gram.rows > 0 for gram in blocks) < CLUSTERS:
+            return []  # too few to say how sure a law is
         inferred = infer(hypotheses.blocks, hypotheses.every, refused=self._by_chance)
         causes = {cast(int, c.key): c for c in inferred.causes}
         chosen = hypotheses.always.union(causes)
@@ -123,21 +127,19 @@ class LawSearch:
     def _hypotheses(self, chosen: Collection[int]) -> Hypotheses:
         """Laws, and causes whose place they may take, at the level that a set leaves.
 
-        Other causes always are.
+        Other causes always are, of any size: bounds of what stays tell laws apart no better.
         """
         rows = self._rows.with_more(self._laws, self.motions.balances)
         levels = list(self._found.levels)
         for j, screen in self._screens.items():
             levels[j] = screen.variances
         stay = (self._causes | self._offsets) - self._may_go
-        every = [
-            h
-            if i >= self._first
-            else replace(h, slab=self._as_of_law(i))
-            if i in self._may_go
-            else replace(h, log_odds=math.inf if i in stay else -math.inf)
-            for i, h in enumerate(arm_hypotheses(rows))
-        ]
+        every = arm_hypotheses(rows)
+        for i, h in enumerate(every[: self._first]):
+            odds = math.inf if i in stay else -math.inf
+            every[i] = replace(h, log_odds=odds, lower=None, upper=None, body=None)
+            if i in self._may_go:
+                every[i] = replace(h, slab=self._as_of_law(i))
         sizes = {j: screen.sizes for j, screen in self._screens.items()}
         loud, spectral = rows.over(sizes), SpectralRows(rows, every)
         spectral.add(loud, levels)
