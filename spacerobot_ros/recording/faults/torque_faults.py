@@ -207,18 +207,23 @@ class _Torques:
         return np.where(self.moves, [_differences(both), _differences(rest), beside_all], 0.0)
 
     def _beside_unsure(self, pairs: Array, beside: Array) -> Array:
-        """(n, K, 2) the same with what is unsure added to the model, as far as the efforts want.
+        """(n, K, 2) the same beside what is unsure, every joint by its own torque.
 
-        Every joint counts by its own torque; bodies have bounds.
+        Of what is known to no size both are taken without: efforts of any scale would look right
+        beside it. What has bounds is added to the model, as far as the efforts want.
         """
         unsure = self.unsure - beside @ (np.swapaxes(beside, 1, 2) @ self.unsure)
         scale = np.maximum(np.sqrt(np.mean(np.max(pairs**2, axis=2), axis=1)), 1e-12)
         weight = (self.moves / scale)[:, None, None]
-        columns, wanted = unsure * weight, (pairs[..., 1] - pairs[..., 0]) * weight[..., 0]
-        flat, most = columns.reshape(-1, len(self.most)), self.most
-        found = scipy.optimize.lsq_linear(flat, wanted.ravel(), (-most, most), method='bvls')
-        shift = unsure @ found.x
-        return np.stack([pairs[..., 0] + shift, pairs[..., 1]], axis=2)
+        flat = (np.concatenate([unsure, pairs], axis=2) * weight).reshape(-1, len(self.most) + 2)
+        is_free = np.isinf(self.most)
+        free = _span_of(flat[:, :-2][:, is_free])
+        rest = flat - free @ (free.T @ flat)
+        columns, most = rest[:, :-2][:, ~is_free], self.most[~is_free]
+        wanted = rest[:, -1] - rest[:, -2]
+        found = scipy.optimize.lsq_linear(columns, wanted, (-most, most), method='bvls')
+        both = np.column_stack([rest[:, -2] + columns @ found.x, rest[:, -1]])
+        return both.reshape(pairs.shape)
 
     def _model(self, slip: _Slip) -> Array:
         """(K, n) torques that the model asks for, the slip undone."""
@@ -332,9 +337,9 @@ def _others(rate: Array) -> Array:
 
 
 def _span_of(columns: Array) -> Array:
-    """(N, 3) orthonormal, zero where columns (N, 3) are not independent."""
+    """(N, k) orthonormal, zero where columns (N, k) are not independent."""
     left, singular, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(left * (singular > 1e-13 * singular[0]))
+    return np.asarray(left * (singular > 1e-13 * np.max(singular, initial=0.0)))
 
 
 def _differences(pairs: Array) -> Array:
