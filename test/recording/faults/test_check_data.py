@@ -324,5 +324,5 @@ def test_known_faults_are_notes_and_what_is_missing_is_refused(known):
     taken = with_known_faults(joints(record, effort=-1.0), model)
     check_data(taken, model)
     assert 'all efforts are of the wrong sign (taken as it is, --force-data)' in taken.notes[-1]
-    with pytest.raises(RecordingError, match='joint_states is missing'):
+    with pytest.raises(RecordingError, match='joint_states: is missing'):
         check_data(replace(taken, joints=None), model)
