@@ -42,10 +42,11 @@ JSON_NAME, REPORT_NAME = 'comparison.json', 'report.html'
 @opt.robot
 @opt.out
 @opt.switch('--force', help='replace an earlier comparison')
+@opt.force_data
 @opt.as_json
 def run(
     first: str, second: str, mapping: str | None, split_gaps: bool, before: tuple[str, ...],
-    after: tuple[str, ...], robot: str, out: str, force: bool, as_json: bool,
+    after: tuple[str, ...], robot: str, out: str, force: bool, force_data: bool, as_json: bool,
 ) -> int:  # fmt: skip
     """Compare, write, print; 0 where nothing changed, else 1."""
     from ..diagnosis.comparison.compare import compare
@@ -61,7 +62,9 @@ def run(
     with progress() as stage:
         report = stage('reading', 1.0)
         groups = [[first, *before], [second, *after]]
-        earlier, later = read_groups(groups, file.robot, mapping, split_gaps=split_gaps)
+        earlier, later = read_groups(
+            groups, file.robot, mapping, split_gaps=split_gaps, force_data=force_data
+        )
         comparison = compare(
             earlier, later, file.robot, file.effects, lambda what, share: report(share, what)
         )
@@ -70,6 +73,7 @@ def run(
     words += ['--after', *after] * bool(after)
     words += ['--map', mapping] if mapping else []
     words += ['--split-gaps'] * split_gaps
+    words += ['--force-data'] * force_data
     asked = shlex.join([*words, '--robot', robot, '--out', out])
     write_text(folder / JSON_NAME, json_text(comparison))
     write_report(comparison_page(comparison, asked), folder / REPORT_NAME)

@@ -45,10 +45,12 @@ _OPEN = 'do not simulate what the extended model is worth to a controller'
 @opt.path('--score', metavar='DATA2', help='another recording: what the extended model misses')
 @opt.switch('--no-closed-loop', 'is_open', help=_OPEN)
 @opt.switch('--force', help='replace an earlier diagnosis')
+@opt.force_data
 @opt.as_json
 def run(
     data: tuple[str, ...], mapping: str | None, split_gaps: bool, robot: str, out: str,
-    payload: tuple[str, ...], score: str | None, is_open: bool, force: bool, as_json: bool,
+    payload: tuple[str, ...], score: str | None, is_open: bool, force: bool, force_data: bool,
+    as_json: bool,
 ) -> int:  # fmt: skip
     """Diagnose, write, print; 0 where the data are consistent with the model, else 1."""
     from ..diagnosis.answer.output import EXTENDED_MODEL
@@ -60,7 +62,7 @@ def run(
     with progress() as stage:
         asked = Question(
             data=data, payload=payload, robot=robot, map=mapping or '', split_gaps=split_gaps,
-            has_closed_loop=not is_open, score=score or '',
+            has_closed_loop=not is_open, score=score or '', force_data=force_data,
         )  # fmt: skip
         answer = findings(asked, asked.command(out), stage('reading', 1.0))
     values = answer.to_dict()

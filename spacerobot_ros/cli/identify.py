@@ -36,10 +36,11 @@ from .terminal import print_answer, progress
 @opt.choice('--method', ('ml', 'recursive', 'ls'), default='ml', help='estimator')
 @opt.path('--write', metavar='YAML', help='write the robot with the bodies found, YAML and URDF')
 @opt.switch('--force', help='overwrite what --write names')
+@opt.force_data
 @opt.as_json
 def run(
     bag: str, mapping: str | None, split_gaps: bool, robot: str, method: str, write: str | None,
-    force: bool, as_json: bool,
+    force: bool, force_data: bool, as_json: bool,
 ) -> int:  # fmt: skip
     """Identify and print; 0 for a valid estimate, 1 where the data do not suffice."""
     from ..dynamics.blocks import check_momentum
@@ -51,6 +52,7 @@ def run(
     from ..identification.lone_body import identify_lone_body
     from ..identification.validity_limits import MOST_PASSES
     from ..model.writer import write_robot_file
+    from ..recording.faults.data_faults import check_data, with_known_faults
     from ..recording.read import read_record, read_records
     from ..report.estimate_tables import estimate_sections
     from ..sensing.sensor_faults import corrected_record
@@ -68,6 +70,9 @@ def run(
     if len(stretches) > 1:
         note = f'the longest of {len(stretches)} stretches between pauses; the others are not used'
         record = replace(record, notes=(*record.notes, note))
+    if force_data:
+        record = with_known_faults(record, file.robot)
+    check_data(record, file.robot)
     if file.robot.joints:
         record = corrected_record(record, file.robot, file.effects)
     machine, settings = file.believed, file.settings.identifier

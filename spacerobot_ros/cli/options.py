@@ -121,6 +121,9 @@ def recording(function: Callable[..., int]) -> Callable[..., int]:
     return mapping(switch('--split-gaps', help=text)(function))
 
 
+force_data = switch('--force-data', help='take data with the faults that `check` lists')
+
+
 def workers(function: Callable[..., int]) -> Callable[..., int]:
     """Options of who works, as `workers_of` takes them."""
     cluster = 'Dask cluster that does the work, such as tcp://10.0.0.1:8786, in place of processes'

@@ -36,6 +36,7 @@ class Question:
         split_gaps: Whether a recording is taken as several, split at its pauses.
         has_closed_loop: Whether a controller is simulated with the extended model.
         score: Another recording, on which the extended model is measured; empty for none.
+        force_data: Whether recordings are taken with their faults.
     """
 
     data: tuple[str, ...]
@@ -45,6 +46,7 @@ class Question:
     split_gaps: bool = False
     has_closed_loop: bool = True
     score: str = ''
+    force_data: bool = False
 
     def command(self, out: str) -> str:
         """The command line that asks it and writes to a folder."""
@@ -54,6 +56,7 @@ class Question:
         words += ['--split-gaps'] * self.split_gaps
         words += ['--score', self.score] * bool(self.score)
         words += ['--no-closed-loop'] * (not self.has_closed_loop)
+        words += ['--force-data'] * self.force_data
         return shlex.join(words)
 
 
@@ -124,7 +127,11 @@ def findings(
     """
     file = load_robot_file(asked.robot)
     without, loaded = read_groups(
-        [asked.data, asked.payload], file.robot, asked.map or None, split_gaps=asked.split_gaps
+        [asked.data, asked.payload],
+        file.robot,
+        asked.map or None,
+        split_gaps=asked.split_gaps,
+        force_data=asked.force_data,
     )
     records = (*without, *loaded)
     other = read_record(asked.score, file.robot, asked.map or None) if asked.score else None

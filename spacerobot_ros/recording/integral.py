@@ -25,5 +25,5 @@ def integral(time: Array, rates: Array) -> Array:
 
 
 def interpolated(times: Array, known: Array, values: Array) -> Array:
-    """(M, k) values at times (M,), straight between samples (N, k) at known times (N,)."""
-    return np.column_stack([np.interp(times, known, column) for column in values.T])
+    """(..., k) values at times (...), straight between samples (N, k) at known times (N,)."""
+    return np.stack([np.interp(times, known, column) for column in values.T], axis=-1)

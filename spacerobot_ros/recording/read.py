@@ -15,6 +15,7 @@ from ..formats import counted
 from ..model.robot import Robot
 from ..model.urdf import parse_urdf
 from .bags.bag import Topics, read_bag
+from .faults.data_faults import with_known_faults
 from .faults.even_stamps import with_even_stamps
 from .faults.extras import bridged_extras, without_extra_spikes
 from .faults.gaps import split_at_gaps, with_gaps_noted
@@ -107,8 +108,12 @@ def read_groups(
     map_path: str | Path | None = None,
     *,
     split_gaps: bool = False,
+    force_data: bool = False,
 ) -> list[tuple[Record, ...]]:
-    """Several groups of recordings, as `read_records` has one; no recording is in two."""
+    """Several groups of recordings, as `read_records` has one; no recording is in two.
+
+    With `force_data` their faults are notes.
+    """
     every = [path for group in groups for path in group]
     files = [Path(path).resolve() for path in every]
     for i, path in enumerate(every):
@@ -121,7 +126,8 @@ def read_groups(
             with _naming(path, every[0], has_map=map_path is not None):
                 record = read_record(path, robot, map_path, is_joined=split_gaps)
             _refuse_short(record, path)
-            records += map(_with_holes_noted, split_at_gaps(record)) if split_gaps else (record,)
+            own = map(_with_holes_noted, split_at_gaps(record)) if split_gaps else (record,)
+            records += (with_known_faults(r, robot) if force_data else r for r in own)
         _refuse_other_bodies(records, robot)
         out.append(tuple(records))
     return out

@@ -206,6 +206,7 @@ class Record:
         inputs: What else was measured or commanded, under free names or known ones
             (`thrusters`, and those of `units.INPUTS`).
         description: URDF that was published beside; empty where there was none.
+        faults_are_known: Whether its user takes it with its faults (`--force-data`).
     """
 
     joints: JointSeries | None = None
@@ -217,6 +218,7 @@ class Record:
     zero_ns: int | None = None
     inputs: Mapping[str, InputSeries] = field(default_factory=dict)
     description: str = ''
+    faults_are_known: bool = False
 
     @property
     def span_ns(self) -> tuple[int, int]:

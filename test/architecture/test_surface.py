@@ -53,7 +53,8 @@ SURFACE = {  # name: its parameters, with ? where one has a default
     'identify': 'record robot settings method? on_pass?',
     'read_record': 'path robot map_path? topics? is_joined?',
     'save_npz': 'record path',
-    'Record': 'joints? rates? attitudes? wheels? source? notes? zero_ns? inputs? description?',
+    'Record': 'joints? rates? attitudes? wheels? source? notes? zero_ns? inputs? description? '
+    'faults_are_known?',
     'ClosedLoop': 'robot settings estimate?',
     'record_run': 'loop steps path overwrite? progress?',
     'to_mjcf': 'file',

@@ -7,6 +7,7 @@ in `torque_faults`. Small errors of scale, angle and time are physical causes, n
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,12 +26,21 @@ from .wheel_faults import wheel_faults
 def check_data(record: Record, robot: Robot) -> None:
     """Refuse data from which only wrong conclusions could be drawn.
 
+    Of data whose faults are known only what is missing is refused.
+
     Raises:
         RecordingError: with every fault in one line.
     """
-    faults = data_faults(record, robot)
+    is_known = record.faults_are_known
+    faults = in_lines(tuple(_absent(record, robot))) if is_known else data_faults(record, robot)
     if faults:
         raise RecordingError(record.source or 'data', 'faulty data: ' + '; '.join(faults))
+
+
+def with_known_faults(record: Record, robot: Robot) -> Record:
+    """The record for a user who takes it as it is; the notes have its faults."""
+    notes = (f'{line} (taken as it is, --force-data)' for line in data_faults(record, robot))
+    return replace(record, notes=(*record.notes, *notes), faults_are_known=True)
 
 
 def data_faults(record: Record, robot: Robot | None) -> tuple[str, ...]:

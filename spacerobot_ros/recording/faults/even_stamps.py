@@ -23,8 +23,9 @@ _LEAST, _MOST = 1e-3, 0.3  # of a period: smaller scatter does not matter, large
 _SMOOTHER = 5.0
 """Deviations of chance by which samples are nearer to what their neighbours say at even times than
 as stamped. Of samples that were really taken unevenly even times are as much farther."""
-_CLOSE, _FEWEST_AT_ONCE = 0.2, 2.0
-"""Of the mean step, below which the usual one is within a burst, and samples of one."""
+_CLOSE, _FEWEST_AT_ONCE, _READS = 0.2, 2.0, 20
+"""Of the mean step, below which the usual one is within a burst, samples of one, and how often a
+buffer is read: of fewer, a clock that jumps has as many."""
 _WINDOW, _WANDERS = 101, 2.0
 """Samples whose mean scatter is looked at, and times by which it may be more than that of white
 scatter: the clock is as even as stamps let see."""
@@ -83,7 +84,7 @@ def _burst(time: Array) -> float:
         return 1.0
     steps = np.diff(time)
     starts = np.count_nonzero(steps > np.mean(steps))
-    is_split = np.median(steps) < _CLOSE * np.mean(steps)
+    is_split = starts >= _READS and np.median(steps) < _CLOSE * np.mean(steps)
     return len(time) / (1.0 + starts) if is_split else 1.0
 
 

@@ -93,7 +93,7 @@ def find_torque_faults(record: Record, robot: Robot) -> tuple[DataFault, ...]:
     if torques is None:
         return ()
     before = torques.unlike(_Slip(DataFault('', '', '')))
-    if np.all(before < limits.UNLIKE):
+    if np.all(before[0] < limits.UNLIKE):
         return ()
     off = None if record.joints is None else record.joints.unpowered
     compensated = () if off is not None and off.all() else _gravity_slips(robot.effort_kinds)
@@ -106,7 +106,8 @@ def find_torque_faults(record: Record, robot: Robot) -> tuple[DataFault, ...]:
     shares[turned & ~nearer] = np.inf
     for way in range(len(before)):
         best = int(np.argmin(shares[:, way].mean(axis=1)))
-        own = slips[best].changed(len(torques.moves))
+        # without what they share, friction or a weight, torques that are alike are noise
+        own = slips[best].changed(len(torques.moves)) & (before[0] > limits.UNLIKE)
         if _explains(before[way], shares[best, way], own):
             return (slips[best].fault,)
     return ()
@@ -154,21 +155,28 @@ class _Torques:
         if len(time) < limits.FEWEST_SAMPLES or np.isnan(effort).any():
             return None
         step = float(np.median(np.diff(time)))
-        even = np.arange(time[0], time[-1], step)
-        span = _span(step)
-        if len(even) < 4 * span:
+        half = _span(step) // 2
+        # about what is looked at there is no pause, in which a joint may go anywhere
+        pauses = np.append(0, np.cumsum(np.diff(time) > limits.JUMP_PERIODS * step))
+        first = np.searchsorted(time, time - half * step, 'right') - 1
+        last = np.searchsorted(time, time + half * step)
+        is_within = (first >= 0) & (last < len(time))
+        whole = np.flatnonzero(is_within & (pauses[first] == pauses[last % len(time)]))
+        if len(whole) < 6 * half:
             return None
-        rows = np.linspace(span, len(even) - span - 1, limits.ROWS).astype(int)
-        omega = np.zeros((len(even), 3))
+        rows = np.linspace(0, len(whole) - 1, limits.ROWS).astype(int)
+        centres = time[whole[rows]]
+        even = centres[:, None] + step * np.arange(-half, half + 1)
+        omega = np.zeros((len(centres), 3))
         if robot.is_free:
-            omega = interpolated(even, record.rate_time, record.omega)
-        torque, *_ = smoothed(interpolated(even, time, effort), rows, span, step)
-        motion = smoothed(interpolated(even, time, record.q), rows, span, step)
+            omega = interpolated(centres, record.rate_time, record.omega)
+        torque, *_ = smoothed(interpolated(even, time, effort), step)
+        motion = smoothed(interpolated(even, time, record.q), step)
         position, rate, acceleration = motion
-        model = joint_torques(robot, position, rate, acceleration, omega[rows])
+        model = joint_torques(robot, position, rate, acceleration, omega)
         friction = np.stack([_span_of(_others(rate)) for rate in motion[1].T])
-        unsure, most = _unsure(robot, motion, omega[rows], model)
-        return _Torques(robot, motion, torque, omega[rows], model, friction, unsure, most)
+        unsure, most = _unsure(robot, motion, omega, model)
+        return _Torques(robot, motion, torque, omega, model, friction, unsure, most)
 
     def unlike(self, slip: _Slip) -> Array:
         """(3, n) share of each joint's torque that the model does not explain, the slip undone.
@@ -199,18 +207,23 @@ class _Torques:
         return np.where(self.moves, [_differences(both), _differences(rest), beside_all], 0.0)
 
     def _beside_unsure(self, pairs: Array, beside: Array) -> Array:
-        """(n, K, 2) the same with what is unsure added to the model, as far as the efforts want.
+        """(n, K, 2) the same beside what is unsure, every joint by its own torque.
 
-        Every joint counts by its own torque; bodies have bounds.
+        Of what is known to no size both are taken without: efforts of any scale would look right
+        beside it. What has bounds is added to the model, as far as the efforts want.
         """
         unsure = self.unsure - beside @ (np.swapaxes(beside, 1, 2) @ self.unsure)
         scale = np.maximum(np.sqrt(np.mean(np.max(pairs**2, axis=2), axis=1)), 1e-12)
         weight = (self.moves / scale)[:, None, None]
-        columns, wanted = unsure * weight, (pairs[..., 1] - pairs[..., 0]) * weight[..., 0]
-        flat, most = columns.reshape(-1, len(self.most)), self.most
-        found = scipy.optimize.lsq_linear(flat, wanted.ravel(), (-most, most), method='bvls')
-        shift = unsure @ found.x
-        return np.stack([pairs[..., 0] + shift, pairs[..., 1]], axis=2)
+        flat = (np.concatenate([unsure, pairs], axis=2) * weight).reshape(-1, len(self.most) + 2)
+        is_free = np.isinf(self.most)
+        free = _span_of(flat[:, :-2][:, is_free])
+        rest = flat - free @ (free.T @ flat)
+        columns, most = rest[:, :-2][:, ~is_free], self.most[~is_free]
+        wanted = rest[:, -1] - rest[:, -2]
+        found = scipy.optimize.lsq_linear(columns, wanted, (-most, most), method='bvls')
+        both = np.column_stack([rest[:, -2] + columns @ found.x, rest[:, -1]])
+        return both.reshape(pairs.shape)
 
     def _model(self, slip: _Slip) -> Array:
         """(K, n) torques that the model asks for, the slip undone."""
@@ -306,15 +319,16 @@ def _span(step: float) -> int:
     return 2 * max(2, round(0.5 * limits.SPAN / step)) + 1
 
 
-def smoothed(values: Array, rows: IntArray, span: int, step: float) -> Array:
-    """(3, M, k) values at some rows and their derivatives, of cubics through `span` rows around.
+def smoothed(values: Array, step: float) -> Array:
+    """(3, M, k) values amid M stretches and their derivatives, of cubics through (M, span, k).
 
     What Savitzky and Golay's filter gives; SciPy's takes 0.4 s to load.
     """
+    span = values.shape[1]
     around = np.arange(span) - span // 2
     fit = np.linalg.pinv(np.vander(around.astype(float), 4, increasing=True))[:3]
     fit *= np.array([1.0, 1.0 / step, 2.0 / step**2])[:, None]
-    return np.asarray(np.einsum('ds,msk->dmk', fit, values[rows[:, None] + around]))
+    return np.asarray(np.einsum('ds,msk->dmk', fit, values))
 
 
 def _others(rate: Array) -> Array:
@@ -323,9 +337,9 @@ def _others(rate: Array) -> Array:
 
 
 def _span_of(columns: Array) -> Array:
-    """(N, 3) orthonormal, zero where columns (N, 3) are not independent."""
+    """(N, k) orthonormal, zero where columns (N, k) are not independent."""
     left, singular, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(left * (singular > 1e-13 * singular[0]))
+    return np.asarray(left * (singular > 1e-13 * np.max(singular, initial=0.0)))
 
 
 def _differences(pairs: Array) -> Array:

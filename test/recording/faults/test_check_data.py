@@ -13,7 +13,7 @@ pytest.importorskip('mujoco')
 from spacerobot_ros.diagnosis.diagnose import diagnose
 from spacerobot_ros.effects.robot_file import load_robot_file
 from spacerobot_ros.errors import RecordingError
-from spacerobot_ros.recording.faults.data_faults import data_faults
+from spacerobot_ros.recording.faults.data_faults import check_data, data_faults, with_known_faults
 from spacerobot_ros.recording.faults.signals import torn_positions
 from spacerobot_ros.recording.record import AttitudeSeries, RateSeries, Record, to_stamps
 from validation.mujoco.truth import EXCITATIONS, ROBOTS, generate
@@ -132,6 +132,10 @@ JOINT_FAULTS = {
     'a clock set forward': (
         lambda r: chosen(r, {'stamp_ns': late(r.joints.stamp_ns)}),
         'the clock jumps by 3.01 s',
+    ),
+    'a clock set forward by years': (  # arrays over the span would take gigabytes
+        lambda r: chosen(r, {'stamp_ns': late(r.joints.stamp_ns, 2e8)}),
+        'the clock jumps by 200000000.01 s',
     ),
     'milliseconds for seconds': (lambda r: slowed(r, 1000), 'the stamps are not in seconds'),
     'stamps that run too fast': (
@@ -313,3 +317,12 @@ def test_degrees_are_seen_by_the_limits_without_any_effort(tmp_path):
     wrong = chosen(joints(case.data, position=DEGREES, velocity=DEGREES), {'effort': None})
     (line,) = data_faults(wrong, limited)
     assert 'rad, the limits of the URDF are 2.9 rad: degrees instead of radians?' in line
+
+
+def test_known_faults_are_notes_and_what_is_missing_is_refused(known):
+    record, model = known['servicer']
+    taken = with_known_faults(joints(record, effort=-1.0), model)
+    check_data(taken, model)
+    assert 'all efforts are of the wrong sign (taken as it is, --force-data)' in taken.notes[-1]
+    with pytest.raises(RecordingError, match='joint_states: is missing'):
+        check_data(replace(taken, joints=None), model)
