@@ -291,6 +291,16 @@ def test_nothing_but_bad_messages_is_refused(tmp_path, topic, message, reason):
     assert str(error.value) == f'{bag}: {topic}: no usable message: {reason} (2 messages)'
 
 
+def test_a_clock_too_coarse_for_its_messages_is_refused(tmp_path):
+    rates = [('/imu/data', imu(k // 4, (float(k), 0.0, 0.0))) for k in range(40)]
+    with pytest.raises(RecordingError, match='30 of 40 messages have the stamp of another one'):
+        read_bag(write(tmp_path / 'bag', rates), ROBOT)
+    again = [rates[k - k % 4] for k in range(40)]  # the same messages, as of two recorders
+    record = read_bag(write(tmp_path / 'again', again), ROBOT)
+    assert len(record.rates.stamp_ns) == 10
+    assert '/imu/data: 30 left out: stamp seen before' in record.notes
+
+
 def test_messages_out_of_order_are_sorted(tmp_path):
     messages = [('/imu/data', imu(k, (float(k), 0.0, 0.0))) for k in (3, 1, 2)]
     record = read_bag(write(tmp_path / 'bag', messages), ROBOT)

@@ -30,6 +30,7 @@ from .partial_states import merged
 
 MINORITY = 0.25
 """Share of messages up to which those without what the others have are left out."""
+UNUSABLE = 0.05  # of the messages; with more of one stamp most of the motion would be left out
 LATE_LIMIT = 10  # messages in a row behind the newest stamp: more is a clock that jumped back
 _TYPES = {
     'joints': 'sensor_msgs/msg/JointState',
@@ -294,10 +295,16 @@ def _sorted(path: Path, channel: _Channel) -> tuple[IntArray, Array] | None:
     if np.any(np.diff(stamps) < 0):
         _check_clock(place, stamps)
         channel.remarks['messages out of order, sorted by stamp'] = None
-    unique, first = np.unique(stamps, return_index=True)
+    unique, first, own = np.unique(stamps, return_index=True, return_inverse=True)
+    rows = np.array(channel.rows)
     if len(unique) < len(stamps):
+        same = np.isclose(rows, rows[first][own], rtol=0.0, atol=0.0, equal_nan=True)
+        count = int(np.count_nonzero(~same.reshape(len(rows), -1).all(axis=1)))
+        if count > UNUSABLE * len(stamps):
+            reason = f'{count} of {len(stamps)} messages have the stamp of another one'
+            raise RecordingError(place, f'{reason}: a clock too coarse for them? Stamp them anew')
         channel.reject('stamp seen before', len(stamps) - len(unique))
-    return unique, np.array(channel.rows)[first]
+    return unique, rows[first]
 
 
 def _check_clock(place: str, stamps: IntArray) -> None:
