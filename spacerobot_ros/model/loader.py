@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +15,11 @@ from .files import is_file
 from .inputs import read_thrusters
 from .robot import Robot
 from .robot_settings import RobotSettings
+from .schema import REST
 from .settings import Settings
 from .uncertainty import body_uncertainties
 from .urdf import Tree, parse_urdf
-from .urdf_joints import MOVING, left_moving
+from .urdf_joints import MOVING, left_moving, with_rest
 from .wheels import build_rotors, lock_rotors, servicer_gyrostat, target_gyrostats
 
 _ONE_LINE = 1e-9  # sine of the angle, and m, between two axes that are one
@@ -87,7 +88,12 @@ def build_robot(settings: Settings, urdf: str, urdf_name: str = 'URDF') -> Robot
     """
     options = settings.robot
     is_on_ground = options.base == 'fixed'
-    tree = parse_urdf(urdf, urdf_name, is_on_ground=is_on_ground, held=options.held)
+    held: Mapping[str, float] = options.held
+    if REST in held:
+        listed = {*options.joints, *(name for w in options.wheels.values() for name in w.joints)}
+        given = parse_urdf(urdf, urdf_name, is_on_ground=is_on_ground).joints
+        held = with_rest(given, listed, held)
+    tree = parse_urdf(urdf, urdf_name, is_on_ground=is_on_ground, held=held)
     if options.base_link not in ('', tree.root):
         why = f'{options.base_link!r} is not the root link {tree.root!r} of the URDF'
         raise ConfigurationError('robot.base_link', why)
@@ -169,7 +175,7 @@ def _faulty_joints(options: RobotSettings, tree: Tree) -> Iterator[tuple[str, st
     if left:
         words = left_moving(tree.joints[left[0]])
         if len(left) > 1:
-            words = f'{words}; so do {", ".join(map(repr, left[1:]))}'
+            words = f'{words}; so do {", ".join(map(repr, left[1:]))} (all: robot.held: rest)'
         yield 'robot.joints', words
 
 

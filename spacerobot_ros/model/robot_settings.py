@@ -66,6 +66,7 @@ class RobotSettings:
 
     `held` are joints of the URDF that do not move and that no message has, such as a gripper's, by
     name: {finger: 0.04}, rad, or m where they slide. Joints that mimic one are held with it.
+    `rest` for a name, or for the map, are all that are not listed: at zero, or as near as they go.
 
     Args:
         urdf: package:// URL, absolute path, or path beside the robot file.

@@ -27,7 +27,8 @@ FreeMaps = Mapping[str, Mapping[str, Any]]
 """Maps under free names, of numbers, texts, and lists and maps of these, whose meaning is checked
 elsewhere."""
 FloatMap = Mapping[str, float]
-"""Numbers under free names."""
+"""Numbers under free names; the name `rest` is for all that have none, and alone it is zero."""
+REST = 'rest'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -274,7 +275,9 @@ _PARSERS: dict[Any, Parser] = {
     bool: partial(parse_text, kind=bool),
     FloatList: partial(parse_list, parse_number),
     TextList: partial(parse_list, parse_text),
-    FloatMap: partial(_named, parse_number),
+    FloatMap: lambda value, place: (
+        {REST: 0.0} if value == REST else _named(parse_number, value, place)
+    ),
     FreeMaps: partial(_named, _free_map),
 }
 """By the type of a field; any other is that of a section."""

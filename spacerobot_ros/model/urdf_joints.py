@@ -6,13 +6,14 @@ A held joint is a fixed one at that angle, and so is one that mimics it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import scipy
 
 from ..errors import ConfigurationError
 from ..types import Matrix3, Vector3
+from .schema import REST
 
 MOVING = ('revolute', 'continuous', 'prismatic')
 _TURN = 2.0 * math.pi
@@ -90,6 +91,27 @@ def with_held(joints: Mapping[str, Joint], held: Mapping[str, float]) -> dict[st
         name: joint if (position := at.get(name)) is None else joint.held_at(position)
         for name, joint in joints.items()
     }
+
+
+def with_rest(
+    joints: Mapping[str, Joint], listed: Collection[str], held: Mapping[str, float]
+) -> dict[str, float]:
+    """Positions of held joints [rad or m], with those of joints that `REST` stands for.
+
+    Args:
+        joints: By name.
+        listed: Those that move.
+        held: By name, and of all others.
+    """
+    if REST in joints or REST not in held:
+        return dict(held)
+    out = {name: position for name, position in held.items() if name != REST}
+    for name, joint in joints.items():
+        follows = joint.mimic is not None and joint.mimic.joint not in listed
+        if joint.kind in MOVING and not (name in listed or name in held or follows):
+            low, high = joint.position_limit
+            out[name] = min(max(held[REST], low), high)
+    return out
 
 
 def _position(name: str, joints: Mapping[str, Joint], held: Mapping[str, float]) -> float | None:

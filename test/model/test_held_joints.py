@@ -136,6 +136,23 @@ def test_a_mimic_joint_is_held_alone_while_its_leader_moves() -> None:
     assert robot.joints == ('a', 'b', 'finger')
 
 
+@pytest.mark.parametrize(
+    ('held', 'joints', 'expected'),
+    [
+        ('rest', 'a b', {'locked': 0.0, 'finger': 0.0, 'thumb': 0.01}),
+        ({'locked': 0.7, 'rest': 0.0}, 'a b', {'locked': 0.7, 'finger': 0.0, 'thumb': 0.01}),
+        ('rest', 'a finger', {'locked': 0.0, 'b': 0.5, 'thumb': 0.0}),
+        ('rest', 'a b locked finger', {'thumb': 0.0}),
+    ],
+)
+def test_the_rest_is_held_as_near_to_zero_as_it_goes(
+    held: dict[str, object], joints: str, expected: dict[str, float]
+) -> None:
+    end = _joint('b', 'revolute', 'l2', 'l3', '1 0 0')
+    urdf = URDF.replace(end, end.replace('lower="-2"', 'lower="0.5"'))
+    assert _robot(urdf, held, joints).held == {k: pytest.approx(v) for k, v in expected.items()}
+
+
 def test_mimics_in_a_ring_move() -> None:
     ring = URDF.replace('<limit', '<mimic joint="thumb"/><limit', 4).replace(
         '<mimic joint="thumb"/>', '', 3
