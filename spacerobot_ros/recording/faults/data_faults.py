@@ -31,10 +31,12 @@ def check_data(record: Record, robot: Robot) -> None:
     Raises:
         RecordingError: with every fault in one line.
     """
-    is_known = record.faults_are_known
-    faults = in_lines(tuple(_absent(record, robot))) if is_known else data_faults(record, robot)
+    missing = in_lines(tuple(_absent(record, robot)))
+    faults = missing if record.faults_are_known else data_faults(record, robot)
     if faults:
-        raise RecordingError(record.source or 'data', 'faulty data: ' + '; '.join(faults))
+        remedy = '' if missing else ' (--force-data takes them as they are)'
+        what = f'faulty data: {"; ".join(faults)}{remedy}'
+        raise RecordingError(record.source or 'data', what)
 
 
 def with_known_faults(record: Record, robot: Robot) -> Record:
