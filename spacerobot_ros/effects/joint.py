@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -42,6 +43,15 @@ class JointEffect(Effect):
         if where not in robot.joints or parameter.role == 'phase':
             return parameter.unit
         return robot.unit_of(parameter.unit, where)
+
+    @classmethod
+    def parameters_at(cls, robot: Robot, where: str | None) -> tuple[Parameter, ...]:
+        """As of any effect; friction beside a believed one is also less than none."""
+        every = super().parameters_at(robot, where)
+        base = sum(robot.friction.get((law, where), 0.0) for law in (cls.id, *cls.refines))
+        sizes = [p.unit == every[0].unit and base > 0.0 for p in every]
+        pairs = zip(every, sizes, strict=True)
+        return tuple(replace(p, minimum=-base) if is_size else p for p, is_size in pairs)
 
     def mobility(self, robot: Robot) -> float:
         """Acceleration of the joint by its own torque, all joints at zero [1/(kg m^2)]."""

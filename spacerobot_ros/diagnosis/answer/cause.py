@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from scipy.special import expit
 
+from ...effects.believed_friction import totals
 from ...effects.effect import Effect, Key
 from ...effects.parameter import Parameter
 
@@ -100,3 +101,19 @@ class Cause:
     rivals: tuple[Rival, ...] = ()
     constant_p: float = math.nan
     held_out_recordings: tuple[float, ...] | None = None
+
+
+def with_totals(causes: Sequence[Cause], believed: Sequence[Effect]) -> tuple[Cause, ...]:
+    """Causes found beside believed effects, friction as all that its joint has."""
+    every = totals([cause.applied for cause in causes], believed)
+    return tuple(
+        replace(
+            cause,
+            applied=applied,
+            parameters={
+                name: replace(p, value=applied.values[name])
+                for name, p in cause.parameters.items()
+            },
+        )
+        for cause, applied in zip(causes, every, strict=True)
+    )
