@@ -1,7 +1,7 @@
-"""Friction of joints that a model believes in: of the URDF, of the robot file, and its totals.
+"""Friction of a URDF: `<dynamics damping= friction=>`, which the model believes in.
 
-`<dynamics damping= friction=>` of a URDF is viscous and Coulomb friction. A robot file's own
-effect of that kind at the joint is the total, and stands for it; so does what a diagnosis names.
+A robot file's own effect of that kind at the joint is the total, and replaces it; so does what a
+diagnosis names.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from ..model.robot import Robot
-from .effect import Effect, Key
+from .effect import Effect
 from .joints.joint_friction import CoulombFriction, ViscousFriction
 
 _OF_URDF = (('damping', ViscousFriction), ('friction', CoulombFriction))
-_TOTALS = (ViscousFriction.id, CoulombFriction.id)
+_MARK = ' (URDF)'
 
 
 def friction_of_urdf(robot: Robot, own: Sequence[Effect]) -> tuple[Effect, ...]:
@@ -29,52 +29,55 @@ def friction_of_urdf(robot: Robot, own: Sequence[Effect]) -> tuple[Effect, ...]:
         for attribute, kind in _OF_URDF:
             value, (parameter,) = getattr(joints[name], attribute), kind.parameters
             values = {parameter.name: value}
-            effect = kind(name=f'{attribute} of {name} (URDF)', where=name, values=values)
-            if value and not any(is_total(e, effect.key) for e in own):
+            effect = kind(name=f'{attribute} of {name}{_MARK}', where=name, values=values)
+            if value and not any(is_total(e, effect) for e in own):
                 out.append(effect)
     return tuple(out)
 
 
-def is_total(effect: Effect, believed: Key) -> bool:
-    """Whether an effect is all friction of its kind and joint, a believed one included.
+def urdf_in_words(robot: Robot, effects: Iterable[Effect]) -> tuple[str, ...]:
+    """A note that friction of the URDF is believed; none where it says nothing."""
+    said: dict[str, list[str]] = {}
+    for effect in effects:
+        if effect.name.endswith(_MARK):
+            (p,) = effect.parameters
+            law = 'viscous' if effect.id == ViscousFriction.id else 'Coulomb'
+            value = f'{law} {effect[p.name]:g} {effect.unit_at(robot, effect.where, p)}'
+            said.setdefault(str(effect.where), []).append(value)
+    joints = '; '.join(f'{joint} {", ".join(values)}' for joint, values in said.items())
+    return (f'friction of the URDF is believed: {joints}',) if said else ()
 
-    Args:
-        effect: A cause, or an effect of a robot file.
-        believed: Id and place of the other.
+
+def is_total(effect: Effect, believed: Effect) -> bool:
+    """Whether an effect is all friction of its kind and joint, that of the URDF included."""
+    is_same = believed.id in (effect.id, *effect.refines) and effect.where == believed.where
+    return believed.name.endswith(_MARK) and is_same and effect.recordings is None
+
+
+def totals(found: Sequence[Effect], believed: Iterable[Effect]) -> list[Effect]:
+    """Effects found beside believed ones, of frictions the total.
+
+    Friction of the URDF is part of one of them: of its own law, or else of one that refines it.
     """
-    law, where = believed
-    is_friction = law in _TOTALS and law in (effect.id, *effect.refines)
-    return is_friction and effect.where == where and effect.recordings is None
-
-
-def base_of(effect: Effect, believed: Iterable[Effect]) -> float:
-    """Believed friction that the total of an effect includes."""
-    return sum(_size(e) for e in believed if is_total(effect, e.key))
-
-
-def totals(found: Iterable[Effect], believed: Sequence[Effect]) -> list[Effect]:
-    """Effects found beside believed ones, of frictions the total; what is believed counts once."""
-    left, out = list(believed), list[Effect]()
-    for effect in found:
-        base, unit = base_of(effect, left), effect.parameters[0].unit if effect.parameters else ''
-        sizes = {p.name: effect[p.name] + base for p in effect.parameters if p.unit == unit}
-        left = [e for e in left if not is_total(effect, e.key)]
-        out.append(effect.changed(**sizes) if base else effect)
+    out = list(found)
+    for base in believed:
+        here = [k for k, effect in enumerate(found) if is_total(effect, base)]
+        for k in sorted(here, key=lambda k: found[k].id != base.id)[:1]:
+            unit = found[k].parameters[0].unit
+            sizes = {p.name: out[k][p.name] for p in found[k].parameters if p.unit == unit}
+            more = {name: max(0.0, size + _size(base)) for name, size in sizes.items()}
+            out[k] = out[k].changed(**more)
     return out
 
 
 def extended(believed: Iterable[Effect], added: Sequence[Effect]) -> tuple[Effect, ...]:
     """All effects of a model with further ones, of which frictions are totals."""
-    return (*(e for e in believed if not any(is_total(a, e.key) for a in added)), *added)
+    return (*(e for e in believed if not any(is_total(a, e) for a in added)), *added)
 
 
 def with_friction(robot: Robot, believed: Iterable[Effect]) -> Robot:
-    """The robot that knows how much friction of its joints is believed: so much can be absent."""
-    friction: dict[Key, float] = {}
-    for effect in believed:
-        if effect.id in _TOTALS:
-            friction[effect.key] = friction.get(effect.key, 0.0) + _size(effect)
-    return replace(robot, friction=friction)
+    """The robot that knows the friction of its URDF that is believed: so much can be absent."""
+    return replace(robot, friction={e.key: _size(e) for e in believed if e.name.endswith(_MARK)})
 
 
 def _size(friction: Effect) -> float:

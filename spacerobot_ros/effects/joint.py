@@ -46,12 +46,10 @@ class JointEffect(Effect):
 
     @classmethod
     def parameters_at(cls, robot: Robot, where: str | None) -> tuple[Parameter, ...]:
-        """As of any effect; friction beside a believed one is also less than none."""
+        """As of any effect; friction beside that of the URDF is also less than none."""
         every = super().parameters_at(robot, where)
-        base = sum(robot.friction.get((law, where), 0.0) for law in (cls.id, *cls.refines))
-        sizes = [p.unit == every[0].unit and base > 0.0 for p in every]
-        pairs = zip(every, sizes, strict=True)
-        return tuple(replace(p, minimum=-base) if is_size else p for p, is_size in pairs)
+        base = robot.friction.get((cls.id, where), 0.0)
+        return tuple(replace(p, minimum=-base) for p in every) if base else every
 
     def mobility(self, robot: Robot) -> float:
         """Acceleration of the joint by its own torque, all joints at zero [1/(kg m^2)]."""

@@ -9,7 +9,6 @@ from typing import ClassVar
 
 from scipy.special import expit
 
-from ...effects.believed_friction import totals
 from ...effects.effect import Effect, Key
 from ...effects.parameter import Parameter
 
@@ -103,17 +102,15 @@ class Cause:
     held_out_recordings: tuple[float, ...] | None = None
 
 
-def with_totals(causes: Sequence[Cause], believed: Sequence[Effect]) -> tuple[Cause, ...]:
-    """Causes found beside believed effects, friction as all that its joint has."""
-    every = totals([cause.applied for cause in causes], believed)
+def with_values(causes: Sequence[Cause], applied: Sequence[Effect]) -> tuple[Cause, ...]:
+    """Causes as effects of the same kinds with other values, as uncertain as they are."""
     return tuple(
         replace(
             cause,
-            applied=applied,
+            applied=effect,
             parameters={
-                name: replace(p, value=applied.values[name])
-                for name, p in cause.parameters.items()
+                name: replace(p, value=effect.values[name]) for name, p in cause.parameters.items()
             },
         )
-        for cause, applied in zip(causes, every, strict=True)
+        for cause, effect in zip(causes, applied, strict=True)
     )

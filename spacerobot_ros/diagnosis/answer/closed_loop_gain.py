@@ -23,7 +23,7 @@ from ...model.motion_settings import ReferenceSettings
 from ...model.settings import Settings, TruthSettings
 from ...simulation.closed_loop import ClosedLoop
 from ...types import Array
-from .extended_model import extended_section
+from .extended_model import effects_section
 
 _LONGEST = 20.0  # s of simulated time a run
 _AMPLITUDE = 0.3  # rad or m, of the motion of a robot file that names none
@@ -95,7 +95,7 @@ def closed_loop_gain(
     if not added:
         return None, 'nothing was found that a controller could use'
     old = _task_settings(file.settings, file.robot.n_joints)
-    extended = extended_section(file.settings.effects, added)
+    extended = {**file.settings.effects, **effects_section(added)}
     try:
         plant = replace(old, effects=extended)
         before, after = (

@@ -1,9 +1,8 @@
 """The robot file with the effects that a diagnosis found: a model that every tool loads.
 
 Nothing of the original is lost: its own effects stay, and the new ones come beside them under
-names of their own. Friction of a joint that is named is its total, and replaces what was believed.
-Corrected inertial parameters and wheel momentum are effects as well, so that one mechanism carries
-everything that was learnt.
+names of their own. Corrected inertial parameters and wheel momentum are effects as well, so that
+one mechanism carries everything that was learnt.
 """
 
 from __future__ import annotations
@@ -14,7 +13,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ...effects.believed_friction import is_total
 from ...effects.effect import Effect
 from ...json_values import plain
 from ...model.files import read_parameters, read_text, write_parameters, write_text
@@ -43,15 +41,6 @@ def effects_section(effects: Iterable[Effect]) -> dict[str, dict[str, Any]]:
     return {effect.name: _entry(effect) for effect in effects}
 
 
-def extended_section(
-    own: Mapping[str, Mapping[str, Any]], causes: Sequence[Effect]
-) -> dict[str, Any]:
-    """The `effects:` section of a robot file with causes; friction that is named is the total."""
-    keys = {name: (str(e.get('effect')), e.get('where')) for name, e in own.items()}
-    kept = {n: e for n, e in own.items() if not any(is_total(c, keys[n]) for c in causes)}
-    return {**kept, **effects_section(_under_free_names(causes, set(kept)))}
-
-
 def write_extended_model(template: str | Path, causes: Iterable[Effect], path: str | Path) -> Path:
     """Write the robot file with further effects.
 
@@ -68,7 +57,8 @@ def write_extended_model(template: str | Path, causes: Iterable[Effect], path: s
     """
     template, path = Path(template), Path(path)
     values = plain(read_parameters(template))
-    values['effects'] = extended_section(values.get('effects') or {}, list(causes))
+    own = values.get('effects') or {}
+    values['effects'] = {**own, **effects_section(_under_free_names(causes, set(own)))}
     if not values['effects']:
         del values['effects']
     url = str(values['robot'].get('urdf', ''))
