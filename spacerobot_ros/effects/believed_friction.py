@@ -35,15 +35,19 @@ def friction_of_urdf(robot: Robot, own: Sequence[Effect]) -> tuple[Effect, ...]:
     return tuple(out)
 
 
+def of_urdf(effects: Iterable[Effect]) -> list[Effect]:
+    """Of some effects those that the URDF states."""
+    return [effect for effect in effects if effect.name.endswith(_MARK)]
+
+
 def urdf_in_words(robot: Robot, effects: Iterable[Effect]) -> tuple[str, ...]:
     """A note that friction of the URDF is believed; none where it says nothing."""
     said: dict[str, list[str]] = {}
-    for effect in effects:
-        if effect.name.endswith(_MARK):
-            (p,) = effect.parameters
-            law = 'viscous' if effect.id == ViscousFriction.id else 'Coulomb'
-            value = f'{law} {effect[p.name]:g} {effect.unit_at(robot, effect.where, p)}'
-            said.setdefault(str(effect.where), []).append(value)
+    for effect in of_urdf(effects):
+        (p,) = effect.parameters
+        law = 'viscous' if effect.id == ViscousFriction.id else 'Coulomb'
+        value = f'{law} {effect[p.name]:g} {effect.unit_at(robot, effect.where, p)}'
+        said.setdefault(str(effect.where), []).append(value)
     joints = '; '.join(f'{joint} {", ".join(values)}' for joint, values in said.items())
     return (f'friction of the URDF is believed: {joints}',) if said else ()
 
@@ -60,7 +64,7 @@ def totals(found: Sequence[Effect], believed: Iterable[Effect]) -> list[Effect]:
     Friction of the URDF is part of one of them: of its own law, or else of one that refines it.
     """
     out = list(found)
-    for base in believed:
+    for base in of_urdf(believed):
         here = [k for k, effect in enumerate(found) if is_total(effect, base)]
         for k in sorted(here, key=lambda k: found[k].id != base.id)[:1]:
             unit = found[k].parameters[0].unit
@@ -77,7 +81,7 @@ def extended(believed: Iterable[Effect], added: Sequence[Effect]) -> tuple[Effec
 
 def with_friction(robot: Robot, believed: Iterable[Effect]) -> Robot:
     """The robot that knows the friction of its URDF that is believed: so much can be absent."""
-    return replace(robot, friction={e.key: _size(e) for e in believed if e.name.endswith(_MARK)})
+    return replace(robot, friction={e.key: _size(e) for e in of_urdf(believed)})
 
 
 def _size(friction: Effect) -> float:
