@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
+from ..effects.believed_friction import with_friction
 from ..effects.catalogue import kinds_beside
 from ..effects.effect import Effect
 from ..effects.equivalents import unasked
@@ -79,6 +80,7 @@ def diagnose(
     """
     every = [records] if isinstance(records, Record) else list(records)
     kinds = kinds_beside(believed) if catalogue is None else list(catalogue)
+    robot = with_friction(robot, believed)
     answer = _diagnosed(every, robot, believed, kinds, report, loaded)
     named = [c.applied.key for c in (*answer.causes, *answer.minor)]
     alike = unasked(robot, named, {kind.id for kind in kinds})

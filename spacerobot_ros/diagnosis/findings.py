@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ..effects.believed_friction import extended
 from ..effects.effect import Effect
 from ..effects.robot_file import RobotFile, load_robot_file
 from ..estimation.balance.motor_constants import as_recorded
@@ -190,7 +191,7 @@ def _with_names(
     if not leftover:
         return diagnosis
     if other is not None:
-        leftover = judged_on(other, file.robot, (*file.effects, *added), leftover)
+        leftover = judged_on(other, file.robot, extended(file.effects, added), leftover)
     laws = [entry.applied for entry in leftover if entry.applied is not None]
     names = iter(named(laws, (*file.effects, *added)))
     return replace(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..effects.believed_friction import extended
 from ..effects.effect import Effect
 from ..effects.joints.motors import MotorConstant
 from ..errors import RecordingError
@@ -72,7 +73,7 @@ def score_on(
     robot = as_recorded(robot, [measured])
     constants = [cause for cause in causes if isinstance(cause, MotorConstant)]
     models = [
-        [balance_of(measured, robot, (*believed, *chosen))] for chosen in (constants, causes)
+        [balance_of(measured, robot, extended(believed, chosen))] for chosen in (constants, causes)
     ]
     free = {one.joint: one for one in free_motion(*models)}
     return tuple(

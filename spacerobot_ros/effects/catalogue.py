@@ -13,6 +13,7 @@ from typing import Any
 from ..errors import ConfigurationError
 from ..model.robot import Robot
 from ..model.settings import Settings
+from .believed_friction import friction_of_urdf
 from .bodies import appendage, bodies, grasp, sprung
 from .effect import Effect
 from .joints import coupled_friction, flexibility, joint_friction, motors, presliding
@@ -50,6 +51,8 @@ def believed_effects(
 ) -> tuple[Effect, ...]:
     """The effects of a robot file, with the kinds of its own modules and of installed packages.
 
+    And friction of the URDF, where the robot file does not state that of the joint itself.
+
     Args:
         settings: Of the robot file.
         robot: The robot they act on.
@@ -63,7 +66,8 @@ def believed_effects(
         for one in [one for one in _KNOWN if one not in lasting]:
             del _KNOWN[one]  # of another robot file: none of what may be wrong with this robot
         add_named(_KNOWN, settings.robot.effect_modules, folder)
-    return bind_effects(settings.effects, robot)
+    own = bind_effects(settings.effects, robot)
+    return (*own, *friction_of_urdf(robot, own))
 
 
 def kinds_beside(believed: Iterable[Effect]) -> list[type[Effect]]:

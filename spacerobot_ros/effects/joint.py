@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -42,6 +43,13 @@ class JointEffect(Effect):
         if where not in robot.joints or parameter.role == 'phase':
             return parameter.unit
         return robot.unit_of(parameter.unit, where)
+
+    @classmethod
+    def parameters_at(cls, robot: Robot, where: str | None) -> tuple[Parameter, ...]:
+        """As of any effect; friction beside that of the URDF is also less than none."""
+        every = super().parameters_at(robot, where)
+        base = robot.friction.get((cls.id, where), 0.0)
+        return tuple(replace(p, minimum=-base) for p in every) if base else every
 
     def mobility(self, robot: Robot) -> float:
         """Acceleration of the joint by its own torque, all joints at zero [1/(kg m^2)]."""

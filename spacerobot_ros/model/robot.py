@@ -61,6 +61,7 @@ class Robot:
         rate_only: Joints of whose motion a recording has only the rates.
         anchor: What of the file is right where no torque is measured, see `ScaleSettings`.
         held: Position of each joint of the URDF that does not move [rad or m].
+        friction: Of joints, believed, by effect and joint: so much a diagnosis may find absent.
     """
 
     name: str
@@ -88,6 +89,7 @@ class Robot:
     rate_only: tuple[str, ...] = ()
     anchor: str = 'none'
     held: Mapping[str, float] = field(default_factory=dict)
+    friction: Mapping[tuple[str, str | None], float] = field(default_factory=dict)
 
     @property
     def tree(self) -> Tree:

@@ -1,6 +1,7 @@
 """URDF text to checked links and joints, before any dynamics library sees them.
 
-Only what a rigid tree needs is read: links with inertials, joints with origin, axis and limits.
+Only what a rigid tree needs is read: links with inertials, joints with origin, axis, limits and
+friction.
 Everything unphysical or unsupported is refused here with the link or joint named, because dynamics
 libraries accept most of it in silence.
 """
@@ -11,7 +12,7 @@ import math
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -21,7 +22,7 @@ from ..types import Matrix3, Vector3
 from .files import MOST_URDF
 from .rigid_body import Solid, fault_of
 from .schema import LARGEST
-from .urdf_joints import MOVING, Joint, Mimic, with_held
+from .urdf_joints import FRICTION, MOVING, Joint, Mimic, with_held
 
 INERTIA = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 Named = TypeVar('Named')
@@ -249,7 +250,24 @@ def _parse_joint(element: ElementTree.Element, where: str) -> Joint:
     ends, mimic = (parent.get('link', ''), child.get('link', '')), element.find('mimic')
     follows = None if mimic is None or kind == 'fixed' else _parse_mimic(mimic, where)
     where_it_is = rotation, translation, axis
-    return Joint(name, kind, *ends, *where_it_is, effort, velocity, position, follows)
+    joint = Joint(name, kind, *ends, *where_it_is, effort, velocity, position, follows)
+    return joint if kind == 'fixed' or follows else _with_friction(joint, element, where)
+
+
+def _with_friction(joint: Joint, element: ElementTree.Element, where: str) -> Joint:
+    """The joint with what `<dynamics>` says of it."""
+    dynamics, found = element.find('dynamics'), dict.fromkeys(FRICTION, 0.0)
+    given = {} if dynamics is None else dynamics.attrib
+    for key in FRICTION:
+        at, text = f'{where} dynamics {key}', given.get(key, '0')
+        try:
+            (found[key],) = _parse_numbers(text, 1, at)
+        except ModelError:
+            found[key] = -1.0
+        if found[key] < 0.0:
+            why = 'is no friction: write a finite number from 0 on, 0 where it is not known'
+            raise ModelError(at, f'{text!r} {why}')
+    return replace(joint, damping=found['damping'], friction=found['friction'])
 
 
 def _parse_mimic(element: ElementTree.Element, where: str) -> Mimic:

@@ -16,6 +16,8 @@ from ..types import Matrix3, Vector3
 from .schema import REST
 
 MOVING = ('revolute', 'continuous', 'prismatic')
+FRICTION = ('damping', 'friction')
+"""Attributes of `<dynamics>`."""
 _TURN = 2.0 * math.pi
 _SLACK = 1e-6  # rad or m beyond a limit: decimals of a file
 
@@ -34,7 +36,8 @@ class Joint:
     """One joint: child frame in the parent's at zero, unit axis in the child frame, limits.
 
     Limits are infinite where the URDF gives none, or an effort or a velocity of zero. `held` is
-    the position of one that is held [rad or m], whose kind is fixed then.
+    the position of one that is held [rad or m], whose kind is fixed then. `damping` [N m s/rad or
+    N s/m] and `friction` [N m or N] are those of `<dynamics>`, of a joint that moves by itself.
     """
 
     name: str
@@ -49,6 +52,8 @@ class Joint:
     position_limit: tuple[float, float]
     mimic: Mimic | None = None
     held: float | None = None
+    damping: float = 0.0
+    friction: float = 0.0
 
     @property
     def slides(self) -> bool:

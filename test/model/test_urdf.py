@@ -29,6 +29,15 @@ def _with(old: str, new: str) -> str:
 
 
 REFUSALS = [
+    *(
+        (
+            f'{key} {text}',
+            _with('<limit effort', f'<dynamics {key}="{text}"/><limit effort'),
+            f"joint 'j1' dynamics {key}: '{text}' is no friction: write a finite number from 0 on",
+        )
+        for key in ('damping', 'friction')
+        for text in ('-1', 'nan', 'inf', 'some')
+    ),
     ('not XML', GOOD[:-3], 'r.urdf: not well-formed XML'),
     ('empty', '', 'r.urdf: not well-formed XML'),
     ('another document', '<sdf/>', 'r.urdf: the root element is <sdf>, expected <robot>'),

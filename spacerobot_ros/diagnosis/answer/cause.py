@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from scipy.special import expit
@@ -100,3 +100,17 @@ class Cause:
     rivals: tuple[Rival, ...] = ()
     constant_p: float = math.nan
     held_out_recordings: tuple[float, ...] | None = None
+
+
+def with_values(causes: Sequence[Cause], applied: Sequence[Effect]) -> tuple[Cause, ...]:
+    """Causes as effects of the same kinds with other values, as uncertain as they are."""
+    return tuple(
+        replace(
+            cause,
+            applied=effect,
+            parameters={
+                name: replace(p, value=effect.values[name]) for name, p in cause.parameters.items()
+            },
+        )
+        for cause, effect in zip(causes, applied, strict=True)
+    )

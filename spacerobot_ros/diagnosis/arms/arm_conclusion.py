@@ -9,6 +9,7 @@ from typing import cast
 
 import numpy as np
 
+from ...effects.believed_friction import totals
 from ...effects.effect import Effect, Key
 from ...estimation.balance.arm_candidates import GAIN
 from ...estimation.balance.arm_rows import ArmRows
@@ -18,7 +19,7 @@ from ...estimation.scaling import PROPORTIONAL, coordinate_of, origin_of
 from ...inference.inferred import InferredCause
 from ...inference.validation import HeldOut
 from ...types import Array
-from ..answer.cause import Cause, Estimated, Evidence, Rival
+from ..answer.cause import Cause, Estimated, Evidence, Rival, with_values
 from ..answer.event_answer import with_events
 from ..answer.free_motion import free_motion
 from ..answer.residuals import series
@@ -50,7 +51,9 @@ def conclude_arm(
     before, after = held_out.squares()
     excess = max(float(np.sum(after)) - found.fit.blocks.whole.rows, 1.0)
     order = sorted(range(len(found.clear)), key=lambda k: -found.causes[found.clear[k]].log_odds)
-    causes = with_rests([_cause(found, k, excess) for k in order], found.robot)
+    alone = [_cause(found, k, excess) for k in order]
+    every = totals([*(c.applied for c in alone), *found.calibration], found.believed)
+    causes = with_rests(with_values(alone, every[: len(alone)]), found.robot)
     causes = with_directions(causes, found.robot, found.constants)
     constants = tuple(_constant(found, effect) for effect in found.constants)
     named = tuple(c for c in causes if c.relevant)
@@ -92,7 +95,7 @@ def conclude_arm(
             *direction_notes(named, found.robot),
             *doubtful,
         ),
-        calibration=(*(c.applied for c in minor), *found.calibration),
+        calibration=(*(c.applied for c in minor), *every[len(alone) :]),
         recordings=_recordings(found),
         friction=friction_laws(found),
         leftover=leftover,

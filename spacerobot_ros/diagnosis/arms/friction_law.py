@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...effects.believed_friction import of_urdf
 from ...effects.effect import Effect
 from ...effects.laws.learned_torque import LearnedTorque
 from ...estimation.balance.arm_priors import COUPLED
@@ -20,20 +21,20 @@ _ROUNDING = 1e-9  # share of a joint's friction: a line through one of its two c
 def friction_laws(found: ArmFound) -> tuple[FrictionLaw, ...]:
     """Coulomb and viscous friction that come closest to each joint's, over its rates.
 
-    Least squares of the torques of all named frictions, of learned ones, and of what is applied
-    beside them without a name (shapes share one torque), on [sign(q'), q'], where the joint moves;
-    that of a motor which two joints turn is of neither alone, and is named with its values;
-    friction with a history as it is once the joint slides, and friction of the load as it is under
-    the torques of the extended model. A Coulomb torque beside friction that goes with the load, or
-    beside a law that takes a share of it, is not what
-    a textbook calls one.
+    Least squares of the torques of all named frictions, of learned ones, of the URDF's and of what
+    is applied beside them without a name (shapes share one torque), on [sign(q'), q'], where the
+    joint moves; that of a motor which two joints turn is of neither alone, and is named with its
+    values; friction with a history as it is once the joint slides, and friction of the load as it
+    is under the torques of the extended model. A Coulomb torque beside friction that goes with the
+    load, or beside a law that takes a share of it, is not what a textbook calls one.
     """
     laws = []
     for joint in found.robot.arm:
         effects = [e for e in found.named if _is_own(e, joint)]
         effects += [e for e in found.learned if _is_friction(e, joint)]
         if effects:
-            effects += [e for e in found.calibration if _is_own(e, joint)]
+            beside = (*found.calibration, *of_urdf(found.extended[0].effects))
+            effects += [e for e in beside if _is_own(e, joint)]
             rates, torques = zip(
                 *(_friction(balance, effects, joint) for balance in found.extended),
                 strict=True,

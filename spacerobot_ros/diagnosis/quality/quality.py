@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...effects.believed_friction import urdf_in_words
 from ...effects.robot_file import RobotFile
 from ...errors import SpaceRobotError
 from ...estimation.noise_levels import DISAGREEMENT
@@ -93,7 +94,8 @@ def check_record(record: Record, file: RobotFile | None = None) -> Quality:
     excitation, why_not, notes = None, 'no robot file was given (--robot)', record.notes
     if file is not None:
         excitation, why_not = _excited(record, file, faults)
-        notes = (*notes, *_identified(record, file, faults))
+        said = urdf_in_words(file.robot, file.effects)
+        notes = (*notes, *said, *_identified(record, file, faults))
     is_whole = file is None or excitation is None or not is_part(record, file.robot)
     if not is_whole:
         notes = (

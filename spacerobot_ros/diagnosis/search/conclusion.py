@@ -7,12 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...effects.believed_friction import totals
 from ...estimation.rows import ChannelFit
 from ...estimation.scaling import is_relevant, value_std
 from ...inference.decisive import MISFIT
 from ...inference.validation import HeldOut
 from ...types import Array
-from ..answer.cause import Cause, Estimated, Evidence, Rival
+from ..answer.cause import Cause, Estimated, Evidence, Rival, with_values
 from ..answer.residuals import residuals, series
 from ..answer.result import Covariance, Diagnosis, Gain
 from ..answer.words import cause_in_words, verdict_of
@@ -38,7 +39,8 @@ def conclude(found: Found, notes: tuple[str, ...]) -> Diagnosis:
     before, after = held_out.squares()
     excess = max(float(np.sum(after)) - fit.gram.rows, 1.0)
     order = sorted(range(len(fit.causes)), key=lambda i: -found.causes[i].log_odds)
-    causes = [_cause(found, i, excess) for i in order]
+    alone = [_cause(found, i, excess) for i in order]
+    causes = with_values(alone, totals([c.applied for c in alone], fit.run.believed))
     named = tuple(c for c in causes if c.relevant)
     minor = tuple(c for c in causes if not c.relevant)
     is_good = fit_p is not None and fit_p >= MISFIT

@@ -34,6 +34,10 @@ def to_urdf(file: RobotFile) -> Exported:
     """Write the robot that a robot file's effects make, as far as URDF goes."""
     robot, changed = with_rigid_bodies(file.believed)
     root = ElementTree.fromstring(urdf_text(robot).encode())
+    for joint in root.findall('joint'):
+        dynamics = joint.find('dynamics')
+        if joint.get('name') in robot.arm and dynamics is not None:
+            joint.remove(dynamics)  # all friction that is believed is an effect
     included = [effect for effect in file.effects if _add(root, effect)]
     ElementTree.indent(root)
     text = '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding='unicode') + '\n'
