@@ -120,6 +120,14 @@ def _explains(before: Array, after: Array, own: BoolArray) -> bool:
     return bool(mended.any() and np.all(after < np.maximum(limits.ALIKE, limits.SPOILED * before)))
 
 
+def _without_stops(record: Record, even: Array, span: int) -> IntArray:
+    """Numbers of (N,) even times around which no joint that moves is at a limit."""
+    rows = np.arange(span, len(even) - span)
+    stopped = record.stopped(even[rows - span], even[rows + span])
+    goes = np.mean(~stopped, axis=0) > limits.SELDOM
+    return rows[~stopped[:, goes].any(axis=1)]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Torques:
     """A record, smoothed, at the times that are looked at.
@@ -158,7 +166,10 @@ class _Torques:
         span = _span(step)
         if len(even) < 4 * span:
             return None
-        rows = np.linspace(span, len(even) - span - 1, limits.ROWS).astype(int)
+        free = _without_stops(record, even, span)
+        if len(free) < limits.FEWEST_SAMPLES:
+            return None
+        rows = free[np.linspace(0, len(free) - 1, limits.ROWS).astype(int)]
         omega = np.zeros((len(even), 3))
         if robot.is_free:
             omega = interpolated(even, record.rate_time, record.omega)
