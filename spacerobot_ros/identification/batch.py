@@ -19,6 +19,7 @@ from ..estimation.trajectory.reference import Kinematics, NoiseLevels
 from ..estimation.unknowns.torque_hold import find_holds
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
+from ..recording.faults.joint_limits import with_stops
 from ..recording.faults.motion_faults import contradictions
 from ..recording.record import Record
 from ..types import Array, IntArray
@@ -59,6 +60,7 @@ def identify(
     refuse_incomplete(record)
     if method == 'recursive':
         return _recursive(record, robot, settings)
+    record = with_stops(record, robot)
     noise, notes = noise_levels(robot.sensors, record, is_checked=False)
     faults = contradictions(record)
     if method == 'ls':

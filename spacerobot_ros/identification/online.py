@@ -28,6 +28,7 @@ from ..estimation.trajectory.time_base import LONGEST_GAP
 from ..model.robot import Robot
 from ..model.settings import IdentifierSettings
 from ..recording.buffer import SampleBuffer
+from ..recording.faults.joint_limits import with_stops
 from ..recording.record import Record
 from ..types import Array
 from .estimate import Estimate
@@ -166,7 +167,8 @@ class OnlineIdentifier:
         segment = self._segment
         self.samples.forget(self._settings.buffer + LONGEST_GAP)
         missing = [word for sensor, word in _WORDS.items() if sensor in self.samples.missing]
-        record = self.samples.record(None, until_ns).between(segment.start, np.inf)
+        record = with_stops(self.samples.record(None, until_ns), self.model.robot)
+        record = record.between(segment.start, np.inf)
         if missing or not (len(record.joint_time) and len(record.rate_time)):
             return self._nothing(f'no {" and no ".join(missing or _WORDS.values())} yet')
         if lacking := segment.lacking(record, self._settled(record)):

@@ -19,6 +19,7 @@ from ..estimation.trajectory.reference import NoiseLevels, integrated_rotation
 from ..formats import counted
 from ..recording.faults.bursts import bursts
 from ..recording.faults.gaps import SPLIT_PERIODS
+from ..recording.faults.joint_limits import without_steps
 from ..recording.faults.neighbours import NORMAL, STENCILS, bridged, off_neighbours
 from ..recording.integral import integral
 from ..recording.record import Record
@@ -67,7 +68,9 @@ def without_outliers(record: Record, noise: NoiseLevels) -> tuple[Record, Outlie
         joints = _outlying_joints(record, noise)
         imu = _outlying_gyro(record.rate_time, record.omega, noise.gyro)
         attitude = _outlying_attitudes(record, imu, noise)
-    found = Outliers(joints, imu, attitude)
+    times = (record.joint_time, record.rate_time, record.attitude_time)
+    stops = (record.stopped(time, time).any(axis=1) for time in times)
+    found = Outliers(*(bad & ~at for bad, at in zip((joints, imu, attitude), stops, strict=True)))
     kept: dict[str, Any] = {
         name: None if getattr(record, name) is None else getattr(record, name).at(~bad)
         for name, bad in zip(('joints', 'rates', 'attitudes'), found, strict=True)
@@ -89,7 +92,7 @@ def _outlying_joints(record: Record, noise: NoiseLevels) -> np.ndarray:
         return _outlying_rates(time, q, noise.joint_position)
     bad = _outlying_rates(time, qd, noise.joint_velocity) | _stuck(time, q, qd, noise)
     rates = bridged(time, qd, bad)
-    drift = q - integral(time, rates)
+    drift = without_steps(record, time, q - integral(time, rates))
     return bad | _off_median(time, drift, noise.joint_position)
 
 
@@ -134,6 +137,7 @@ def _outlying_attitudes(record: Record, bad_rates: np.ndarray, noise: NoiseLevel
     turned = integrated_rotation(rate, times, scipy.spatial.transform.Rotation.identity())
     start = attitude[inside] * turned[np.searchsorted(times, at[inside])].inv()
     drift = (start * start.mean().inv()).as_rotvec()
+    drift = without_steps(record, at[inside], drift)
     bad[inside] = _off_median(at[inside], drift, noise.attitude)
     return bad
 

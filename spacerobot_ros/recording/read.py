@@ -20,6 +20,7 @@ from .faults.even_stamps import with_even_stamps
 from .faults.extras import bridged_extras, without_extra_spikes
 from .faults.gaps import split_at_gaps, with_gaps_noted
 from .faults.held_readings import without_repeats
+from .faults.joint_limits import with_stops
 from .faults.motion_faults import unlike_positions
 from .faults.spikes import without_spikes
 from .faults.thresholds import FEWEST_SAMPLES, SHORTEST, is_short
@@ -68,7 +69,7 @@ def read_record(
     else:
         record = _read(path, robot, topics)
     if robot is not None:
-        record = with_turns_counted(in_robot_order(record, robot), robot)
+        record = with_stops(with_turns_counted(in_robot_order(record, robot), robot), robot)
     record = with_even_stamps(without_spikes(without_repeats(record)))
     record = without_extra_spikes(record)
     if robot is not None:

@@ -40,6 +40,8 @@ class JointSeries(SampleSeries):
         effort_delay: Time by which the efforts are older than their stamps [s].
         unpowered: (N, n) where a joint has no motor, or one that is off: its effort is zero,
             whatever a sensor says; None: nowhere.
+        stopped: (N, n) where a joint is at a limit, so that a stop may act beside its motor; None:
+            nowhere (`faults.joint_limits`).
         rate_only: Joints whose positions are such integrals.
         in_amperes: Joints whose efforts are currents [A], as nobody states their torques.
     """
@@ -51,6 +53,7 @@ class JointSeries(SampleSeries):
     effort: Array | None = None
     effort_delay: float = 0.0
     unpowered: BoolArray | None = None
+    stopped: BoolArray | None = None
     rate_only: tuple[str, ...] = ()
     in_amperes: tuple[str, ...] = ()
     _may_lack: ClassVar[tuple[str, ...]] = ('velocity', 'effort')
@@ -242,6 +245,17 @@ class Record:
             notes: What is to be said of them.
         """
         return replace(self, zero_ns=self.origin_ns, notes=(*self.notes, *notes), **sensors)
+
+    def stopped(self, start: Array, end: Array) -> BoolArray:
+        """(M, n) whether a joint is at a limit at or next to a time between (M,) and (M,) [s]."""
+        joints = self.joints
+        if joints is None or joints.stopped is None:
+            return np.zeros((len(start), self.q.shape[1]), dtype=bool)
+        count = np.cumsum(np.vstack([np.zeros_like(joints.stopped[:1]), joints.stopped]), axis=0)
+        first = np.searchsorted(self.joint_time, start, side='right') - 1
+        last = np.searchsorted(self.joint_time, end, side='left')
+        first, last = (np.clip(k, 0, len(joints) - 1) for k in (first, last))
+        return np.asarray(count[last + 1] > count[first])
 
     @property
     def span(self) -> tuple[float, float]:

@@ -225,7 +225,20 @@ def locked(t: np.ndarray, joint: int) -> tuple[np.ndarray, np.ndarray]:
     return q * moves, qd * moves
 
 
+STOPS = -0.25, 0.3  # rad, limits of the second joint, which is thrown back there
+
+
+def thrown_back(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Table II, the second joint reflected at its limits."""
+    q, qd = table_two(t)
+    low, way = STOPS[0], STOPS[1] - STOPS[0]
+    beyond = np.mod(q[:, 1] - low, 2.0 * way) - way
+    q[:, 1], qd[:, 1] = low + way - np.abs(beyond), -np.sign(beyond) * qd[:, 1]
+    return q, qd
+
+
 MOTIONS = {
+    'thrown_back': thrown_back,
     'table_two': table_two,
     'still': still,
     'last_joint_only': last_joint_only,

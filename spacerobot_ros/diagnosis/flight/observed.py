@@ -14,6 +14,7 @@ from ...estimation.trajectory.reference import NoiseLevels
 from ...identification.outliers import without_outliers
 from ...model.robot import Robot
 from ...recording.buffer import SampleBuffer, sensors_of
+from ...recording.faults.joint_limits import with_stops
 from ...recording.record import Record
 from ...sensing.sensor_faults import corrected_record
 from ...types import Array
@@ -68,7 +69,7 @@ class Observations:
         Returns:
             None where they do not suffice.
         """
-        seen = self.samples.record(first_ns, last_ns)
+        seen = with_stops(self.samples.record(first_ns, last_ns), robot)
         if not robot.is_free:
             seen = replace(seen, rates=None, attitudes=None)
         if len(seen.rate_time) < _FEWEST_RATES:

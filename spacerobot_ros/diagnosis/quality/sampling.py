@@ -13,6 +13,7 @@ from ...estimation.noise_levels import unseen_turns
 from ...model.body import joint_unit
 from ...model.robot import Robot
 from ...recording.faults.gaps import GAP_PERIODS, ONE_LOST
+from ...recording.faults.joint_limits import without_steps
 from ...recording.faults.thresholds import MOVED
 from ...recording.record import SENSORS, RateSeries, Record, to_stamps
 from ...types import Array, IntArray
@@ -147,7 +148,8 @@ def discrepancies(record: Record, robot: Robot | None = None) -> Iterator[Discre
         spread = np.stack([np.ones_like(qd), np.tile(time[:, None], n), moved], axis=2)
         others = (np.eye(n)[None, :, :, None] * spread[:, :, None, :]).reshape(len(qd), n, -1)
         unit = joint_unit('rad') if robot is None else robot.unit_of('rad')
-        difference = record.q - moved
+        difference = without_steps(record, time, record.q - moved)
+        qd = np.where(np.any(record.stopped(time, time), axis=1, keepdims=True), 0.0, qd)
         yield Discrepancy('joint_position', 'joint_velocity', unit, time, difference, qd, others)
     if record.attitude is not None and len(record.rate_time) > len(record.attitude_time) > SPLINE:
         start, end = record.attitude_time[[0, -1]].tolist()
@@ -164,13 +166,15 @@ def _of_base(record: Record, attitude: Rotation, omega: Array) -> Discrepancy:
     """
     time, stamps = record.attitude_time, to_stamps(record.rate_time, record.origin_ns)
     turned = (attitude[0].inv() * attitude).as_matrix()
+    is_stopped = np.any(record.stopped(time, time), axis=1, keepdims=True)
     for _ in range(_PASSES):
         seen = replace(record, rates=RateSeries(stamps, omega))
         at = np.column_stack([np.interp(time, record.rate_time, w) for w in omega.T])
         columns = [np.broadcast_to(np.eye(3), turned.shape), spline_integral(time, turned)]
         columns += [spline_integral(time, turned * w[:, None, None]) for w in at.T]
         rate, others = np.einsum('nij,nj->ni', turned, at), np.concatenate(columns, axis=2)
-        turns = np.asarray(unseen_turns(seen))
+        rate = np.where(is_stopped, 0.0, rate)
+        turns = without_steps(record, time, np.asarray(unseen_turns(seen)))
         pair = Discrepancy('attitude', 'gyro', 'rad', time, turns, rate, others)
         bias, scale = pair.fit[3:6], pair.fit[6:15].reshape(3, 3)
         omega = omega + bias + omega @ scale
@@ -211,7 +215,7 @@ def rate_scales(record: Record) -> Iterator[RateScale]:
             continue
         moved = spline_integral(time, rate)
         others = np.column_stack([np.ones_like(time), time, rate])
-        error, opposite = (q - moved)[:, None], -moved[:, None]
+        error, opposite = without_steps(record, time, (q - moved)[:, None]), -moved[:, None]
         mean, std = _by_parts(Discrepancy('', '', '', time, error, opposite, others[:, None, :]))
         if np.isfinite(mean):
             yield RateScale(name, 1.0 + mean, std, abs(mean) * float(np.std(moved)))

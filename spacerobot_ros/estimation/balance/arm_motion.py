@@ -115,21 +115,29 @@ class ArmMotion:
 
     @cached_property
     def unpowered(self) -> BoolArray:
-        """(N, n) where a joint has no motor, or one that is off."""
+        """(N, n) where a joint has no motor, or one that is off, and no stop acts."""
         return self._clear(1.0)
 
     @cached_property
     def powered(self) -> BoolArray:
-        """(N, n) where a joint has a motor that is on."""
+        """(N, n) where a joint has a motor that is on, and no stop acts."""
         return self._clear(0.0)
 
     def _clear(self, state: float) -> BoolArray:
         """(N, n) where motors are off (1) or on (0), clear of the filters' reach of a change."""
         joints = self.record.joints
         if joints is None or joints.unpowered is None:
-            return np.full((len(self.times), self.record.q.shape[1]), state == 0.0)
+            return ~self._stops if state == 0.0 else np.zeros_like(self._stops)
         share = [np.interp(self.times, self.record.joint_time, u) for u in joints.unpowered.T]
-        return np.asarray(~_widened(np.column_stack(share) != state, self._margin))
+        return np.asarray(~_widened(np.column_stack(share) != state, self._margin) & ~self._stops)
+
+    @cached_property
+    def _stops(self) -> BoolArray:
+        """(N, n) where a stop may act on a joint; on its arrival and leaving all joints jump."""
+        own = self.record.stopped(self.times, self.times)
+        jumps = np.any(np.diff(own, axis=0, prepend=own[:1]), axis=1)
+        end = round(_END_MARGIN / self.band / self.step)
+        return np.asarray(_widened(own | jumps[:, None], end))
 
     @property
     def _margin(self) -> int:

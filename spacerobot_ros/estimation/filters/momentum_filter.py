@@ -27,7 +27,7 @@ from ..trajectory.time_base import CHANNELS, channel_stamps, measured_rows
 from ..unknowns.torque_hold import Holds, held_jerk
 from .kalman import StateSpace, gains_of, whiten
 from .momentum_process import MomentumModel, RateErrorModel
-from .momentum_steps import driven_by_joints, transitions_of
+from .momentum_steps import add_stops, driven_by_joints, transitions_of
 
 _ATTITUDE_START_STD = 0.05  # rad; the reference starts far closer to the tracker than this
 # The spline's snap, seen as white noise over its knots' spacing, overstates what the filter needs:
@@ -96,6 +96,11 @@ class Stretch(SampledMotion):
         return np.hstack([self.reference.joints(self.reference.times, k) for k in range(4)])
 
     @cached_property
+    def fastest(self) -> Array:
+        """(3, n) largest rate, acceleration and jerk of every joint's reference."""
+        return np.max(np.abs(self.joint_states), axis=0).reshape(4, -1)[1:]
+
+    @cached_property
     def snap_density(self) -> Array:
         """(n,) power spectral density of a white snap that follows the joints as the spline."""
         joints = self.reference.joints
@@ -114,6 +119,7 @@ class Stretch(SampledMotion):
                 at, held = self.at_samples(channel), None
                 if jerk is not None and self.holds is not None and channel in held_parts:
                     shape = self.holds.shape(at.time)[:, None]
+                    shape[self.record.stopped(at.time, at.time).any(axis=1)] = 0.0
                     held = shape * jerk(at.time)[:, held_parts[channel]]
                 total, columns[channel] = nuisances.misreadings(
                     constants[model.other], channel, at, held
@@ -233,6 +239,9 @@ def state_space(stretch: Stretch, part: Part, rate: RateErrorModel) -> tuple[Sta
     matrices[:, :, :3] -= skew(stretch.kinematics.omega[part.times])
     slopes = np.ascontiguousarray(rate.state[:, :, 3:])
     noise, defects = driven_by_joints(durations, stretch.snap_density, slopes, joints)
+    ends = stretch.reference.times[part.times]
+    stopped = np.asarray(stretch.record.stopped(ends[:-1], ends[1:]).any(axis=1))
+    add_stops(noise, durations, slopes[1:, :, n:], stopped, stretch.fastest)
     rows = stretch.rows
     is_gyro = rows.channel[part.rows] == CHANNELS.index('gyro')
     at = np.repeat(np.arange(len(joints)), np.diff(part.first))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...dynamics.compiling import compiled, inner
-from ...types import Array
+from ...types import Array, BoolArray
 
 _CHAIN = (1.0, 1.0, 0.5, 1.0 / 6.0)  # of a quartic: dt^k / k!
 
@@ -145,3 +145,30 @@ def _move_attitude(half: float, slopes: Array, noise: Array, missed: Array) -> N
         for b in range(3):
             for c in range(2 * n):
                 noise[a, b] += noise[a, 3 + c] * half * slopes[b, c]
+
+
+def add_stops(
+    noise: Array, durations: Array, slopes: Array, stopped: BoolArray, fastest: Array
+) -> None:
+    """Add to the noise of steps what a stop does to joints, all of which then move on in any way.
+
+    Their rates change by as much as a white acceleration with that variance makes of them; the
+    attitude follows, as momentum is kept.
+
+    Args:
+        noise: (N-1, d, d), changed in place.
+        durations: (N-1,) [s].
+        slopes: (N-1, 3, n) rate of the attitude by the joints' rates.
+        stopped: (N-1,) where a joint is at a limit.
+        fastest: (3, n) standard deviations of rate, acceleration and jerk.
+    """
+    n = fastest.shape[1]
+    turns = 3 + 2 * n  # of attitude, positions and rates
+    for k in np.flatnonzero(stopped):
+        by_way = np.vstack([slopes[k], np.eye(n), np.zeros((n, n))]) * fastest[0]
+        by_rate = np.vstack([np.zeros((3 + n, n)), np.diag(fastest[0])])
+        way, cross = durations[k] ** 2 / 3.0 * by_way @ by_way.T, by_way @ by_rate.T
+        noise[k, :turns, :turns] += way + by_rate @ by_rate.T
+        noise[k, :turns, :turns] += 0.5 * durations[k] * (cross + cross.T)
+        others = np.arange(turns, turns + 2 * n)
+        noise[k, others, others] += fastest[1:].ravel() ** 2

@@ -18,6 +18,7 @@ import numpy as np
 
 from ...dynamics.rotation import skew
 from ...effects.motion import Motion
+from ...recording.faults.joint_limits import jumps
 from ...recording.record import Record
 from ...sensing.reading_gains import AS_READ, Readings
 from ...types import Array, IntArray
@@ -35,7 +36,7 @@ _CELLS = np.array([0.0, 5.0, 13.0, 18.0]) / 18.0
 _PARABOLA = np.linalg.inv(np.vander(_GAUSS, 3, increasing=True))
 _PASSIVE = 1e-3  # of the efforts' noise, at joints whose torque is zero
 _START_STD = 0.03  # rad, rad/s; far above what the reference misses
-_UNKNOWN_RATE = 1.0  # rad/s; by a step in which anything may act
+_UNKNOWN_RATE = 1.0  # rad/s; by a step in which anything, or a joint's stop, may act
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,6 +76,8 @@ class MeasuredMotion(SampledMotion):
     ) -> None:
         # through a gap nobody knows where the reference goes
         self.left_out = (*left_out, *pauses(record.joint_time))
+        if process.first == 6:  # a free base's momentum tells all the same
+            self.left_out += jumps(record)
         self.time_base = make_time_base(record, process.m, process.first)
         reference = ReferenceTrajectory(record, noise, self.time_base.times)
         super().__init__(record, noise, reference, self.time_base.rows, readings)
@@ -241,6 +244,14 @@ class Innovations:
         lost = self._torque.lost_variance()
         if lost.any():
             noise += (driven * lost[:, None]) @ np.swapaxes(driven, 1, 2)
+        ends = self.time_base.times
+        stopped = self.record.stopped(ends[:-1], ends[1:])
+        if stopped.any():
+            # a torque between two links that sets in at any time of the step
+            own = by_effort[:, self.m - self.n :].diagonal(axis1=1, axis2=2)
+            size = stopped * _UNKNOWN_RATE / np.abs(own * self.durations[:, None])
+            for push in (steps.driven(by_effort), steps.driven(0.0 * by_effort, by_effort)):
+                noise += (push * size[:, None] ** 2) @ np.swapaxes(push, 1, 2)
         handed, variance = self._fresh_errors()
         return StateSpace(
             self.durations,

@@ -8,12 +8,13 @@ from dataclasses import replace
 from ...errors import RecordingError
 from ...formats import counted
 from ...model.robot import Robot
+from ...recording.faults.joint_limits import with_stops
 from ...recording.faults.thresholds import FEWEST_SAMPLES
 from ...recording.record import Record
 
 
 def observed(record: Record, robot: Robot) -> Record:
-    """The record without the sensors that say nothing of this robot's motion.
+    """The record without the sensors that say nothing of this robot's motion, its stops marked.
 
     Raises:
         RecordingError: no joints, too few samples, or no body rate where the base is free.
@@ -26,6 +27,7 @@ def observed(record: Record, robot: Robot) -> Record:
             '/joint_states',
             f'has {counted(len(joints), "sample")}; a diagnosis needs {FEWEST_SAMPLES} or more',
         )
+    record = with_stops(record, robot)
     if not robot.is_free:
         return replace(record, zero_ns=record.origin_ns, rates=None, attitudes=None)
     if record.rates is None and record.attitudes is None:

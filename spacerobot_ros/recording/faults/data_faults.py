@@ -106,6 +106,8 @@ def _dead_joints(joints: JointSeries | None) -> Iterator[DataFault]:
     if joints is None:
         return
     still = np.ptp(joints.position, axis=0) == 0.0
+    if joints.stopped is not None:
+        still &= ~joints.stopped.all(axis=0)
     if joints.velocity is not None:
         still &= np.ptp(joints.velocity, axis=0) == 0.0
     repeats = np.any(np.diff(joints.position[:, ~still], axis=0) == 0.0)

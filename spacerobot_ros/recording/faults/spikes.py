@@ -35,7 +35,7 @@ def without_spikes(record: Record) -> Record:
     bad: dict[str, BoolArray] = {}
     notes = []
     for sensor, name, time, values in _channels(record):
-        found = spikes(time, values)
+        found = spikes(time, values) & ~record.stopped(time, time).any(axis=1)
         if found.any():
             bad[sensor] = bad.get(sensor, np.zeros_like(found)) | found
             at = shown(float(time[np.flatnonzero(found)[0]] - time[0]))

@@ -25,6 +25,10 @@ EXTREME = 5.0  # standard deviations: noise is beyond them in 1 of 1000 times `M
 MOVED = 3e-3  # rad rms in a window; below it noise passes for disagreement where no slip is named
 COMMON = 0.05  # by which factors of joints may differ that are the clock's: scales of sensors
 FAR_BEYOND, BEYOND = 5.0, 1.05  # of a limit: no encoder's zero is off by so much; what is within
+AT_LIMIT = 1e-3  # rad or m, from a joint's limit: URDFs have three digits, encoders 12 bits
+GIVES_WAY = 0.05  # rad or m, beyond it: a stop that brakes 2 rad/s in 50 ms, a gear that bends;
+# limits that a joint passes by more are none of its stops, or in another unit
+AROUND_STOP = 0.1  # s, around a jump of a rate: two knots of the splines that a motion is taken as
 OWN_SCALE = 0.15  # logarithm of a factor up to which it may be a cause: rates that are filtered
 
 # Dynamics: measured efforts against the model's torques.

@@ -156,8 +156,10 @@ class _Torques:
             return None
         step = float(np.median(np.diff(time)))
         half = _span(step) // 2
-        # about what is looked at there is no pause, in which a joint may go anywhere
-        pauses = np.append(0, np.cumsum(np.diff(time) > limits.JUMP_PERIODS * step))
+        # about what is looked at there is no pause, in which a joint may go anywhere, and no stop
+        broken = np.diff(time) > limits.JUMP_PERIODS * step
+        broken |= record.stopped(time[:-1], time[1:]).any(axis=1)
+        pauses = np.append(0, np.cumsum(broken))
         first = np.searchsorted(time, time - half * step, 'right') - 1
         last = np.searchsorted(time, time + half * step)
         is_within = (first >= 0) & (last < len(time))
