@@ -74,10 +74,8 @@ class MeasuredMotion(SampledMotion):
         left_out: tuple[tuple[float, float], ...] = (),
         readings: Readings = AS_READ,
     ) -> None:
-        # through a gap nobody knows where the reference goes
-        self.left_out = (*left_out, *pauses(record.joint_time))
-        if process.first == 6:  # a free base's momentum tells all the same
-            self.left_out += jumps(record)
+        # through a gap, and about a stop, nobody knows where the reference goes
+        self.left_out = (*left_out, *pauses(record.joint_time), *jumps(record))
         self.time_base = make_time_base(record, process.m, process.first)
         reference = ReferenceTrajectory(record, noise, self.time_base.times)
         super().__init__(record, noise, reference, self.time_base.rows, readings)

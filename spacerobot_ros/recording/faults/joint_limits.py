@@ -46,9 +46,10 @@ def with_stops(record: Record, robot: Robot) -> Record:
 
 
 def jumps(record: Record) -> tuple[tuple[float, float], ...]:
-    """Starts and ends of times [s] around which a joint arrives at a limit or leaves it."""
+    """Starts and ends of times [s] about which a joint comes to a limit, leaves or moves there."""
     time, stopped = record.joint_time, record.stopped(record.joint_time, record.joint_time)
-    at = time[1:][np.any(np.diff(stopped, axis=0), axis=1)]
+    gives_way = stopped[1:] & (np.abs(np.diff(record.q, axis=0)) > 0.1 * AT_LIMIT)
+    at = time[1:][np.any(np.diff(stopped, axis=0) | gives_way, axis=1)]
     return tuple((t - AROUND_STOP, t + AROUND_STOP) for t in at.tolist())
 
 
