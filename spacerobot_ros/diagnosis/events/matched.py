@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.linalg import cho_solve, solve_triangular
+import scipy
 
 from ...types import Array
 from .transient import Shapes, Transient
@@ -69,7 +69,7 @@ class Projection:
         own = np.linalg.cholesky(left)
         right = scale * (along - u.T @ self._right)
         lower = np.block([[self._lower, np.zeros_like(u)], [(u * scale).T, own]])
-        more = solve_triangular(own, right, lower=True)
+        more = scipy.linalg.solve_triangular(own, right, lower=True)
         return Projection(lower, np.append(self._scale, scale), np.append(self._right, more))
 
     @property
@@ -80,7 +80,7 @@ class Projection:
     @property
     def coefficients(self) -> Array:
         """(K,) of all columns."""
-        own = solve_triangular(self._lower, self._right, lower=True, trans=1)
+        own = scipy.linalg.solve_triangular(self._lower, self._right, lower=True, trans=1)
         return np.asarray(self._scale * own)
 
     @property
@@ -90,13 +90,13 @@ class Projection:
 
     def solved(self, right: Array) -> Array:
         """(K, C) coefficients by which the columns make up what they can of A' of others."""
-        own = cho_solve((self._lower, True), self._scale[:, None] * right)
+        own = scipy.linalg.cho_solve((self._lower, True), self._scale[:, None] * right)
         return np.asarray(self._scale[:, None] * own)
 
     def taken(self, cross: Array) -> Array:
         """(K, ...) u of products (K, ...) with other columns."""
         flat = self._scale[:, None] * cross.reshape(len(cross), math.prod(cross.shape[1:]))
-        u = solve_triangular(self._lower, flat, lower=True) if len(flat) else flat
+        u = scipy.linalg.solve_triangular(self._lower, flat, lower=True) if len(flat) else flat
         return np.asarray(u.reshape(cross.shape))
 
     def left(self, cross: Array, along: Array) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from scipy.special import chdtri
+import scipy
 
 from ..limits import EVENT, EXCESS, EXCESSES, FALSE_PER_HOUR, LISTED, QUIET
 
@@ -34,12 +34,12 @@ def named_from(sizes: Sequence[float], hours: float) -> float:
 
 def quiet_size(k: int) -> float:
     """`QUIET` of the norm of k normal numbers."""
-    return math.sqrt(float(chdtri(k, 1.0 - QUIET)))
+    return math.sqrt(float(scipy.special.chdtri(k, 1.0 - QUIET)))
 
 
 def as_rare(z: float, k: int) -> float:
     """Norm of k normal numbers that is exceeded as seldom as the size z of one."""
-    return math.sqrt(float(chdtri(k, math.erfc(z / math.sqrt(2.0)))))
+    return math.sqrt(float(scipy.special.chdtri(k, math.erfc(z / math.sqrt(2.0)))))
 
 
 def chance(z: float, cells: float) -> float:
