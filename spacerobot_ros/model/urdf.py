@@ -28,7 +28,7 @@ INERTIA = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 Named = TypeVar('Named')
 _NOTHING = Solid(0.0, np.zeros(3), np.zeros((3, 3)))
 _ENDLESS = r'[+-]?(inf|infinity|1\.79769\d*e\+?308)'  # no limit, or the largest of all doubles
-_ROUNDING = 1e-12  # kg m^2: a gram within 0.03 mm
+_ROUNDING = 1e-12  # m^2, of the mass: all of it within a thousandth of a millimetre
 _XACRO = 'ros.org/wiki/xacro'  # end of the namespace of its elements
 _UNDONE = ('arg', 'if', 'include', 'insert_block', 'macro', 'property', 'unless')
 
@@ -152,7 +152,7 @@ def _parse_link(element: ElementTree.Element, where: str) -> _Link:
         raise ModelError(where, '<inertial> needs both <mass> and <inertia>')
     mass = _parse_numbers(mass_element.get('value', ''), 1, f'{where} mass')[0]
     inertia = _parse_inertia(inertia_element, where)
-    if np.max(np.abs(inertia)) < _ROUNDING:
+    if np.max(np.abs(inertia)) < _ROUNDING * (mass or 1.0):
         inertia = np.zeros((3, 3))
     return _Link(Solid(mass, com, rotation @ inertia @ rotation.T), rotation)
 
