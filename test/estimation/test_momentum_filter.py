@@ -23,6 +23,7 @@ from spacerobot_ros.estimation.filters.momentum_filter import (
 from spacerobot_ros.estimation.filters.momentum_process import RateErrorModel
 from spacerobot_ros.estimation.filters.momentum_steps import transitions_of
 from spacerobot_ros.estimation.trajectory.time_base import CHANNELS, measured_rows
+from spacerobot_ros.recording.record import Record
 
 N, JOINTS, P = 60, 2, 3  # times, joints, constants
 SIZE = 3 + 4 * JOINTS
@@ -103,6 +104,8 @@ class Problem:
             row_variance=np.array([STDS[c] ** 2 for c in channels]),
             joint_states=self.joints[cut],
             snap_density=SNAP,
+            record=Record(),
+            fastest=np.ones((3, JOINTS)),
             misreadings=lambda *_: (np.zeros(len(channels)), np.zeros((len(channels), 0))),
         )
         stretch.parts = list(Stretch.parts.fget(stretch))
