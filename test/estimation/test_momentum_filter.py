@@ -291,6 +291,8 @@ def space_of(dt, omega, state):
         row_variance=np.zeros(0),
         joint_states=np.zeros((2, 4 * JOINTS)),
         snap_density=SNAP,
+        record=Record(),
+        fastest=np.ones((3, JOINTS)),
     )
     rate = RateErrorModel(np.zeros((2, 3)), state, np.zeros((2, 3, P)))
     part = Part(slice(0, 2), slice(0, 0), rows.first)
