@@ -21,7 +21,7 @@ from spacerobot_ros.estimation.filters.momentum_filter import (
     state_space,
 )
 from spacerobot_ros.estimation.filters.momentum_process import RateErrorModel
-from spacerobot_ros.estimation.filters.momentum_steps import transitions_of
+from spacerobot_ros.estimation.filters.momentum_steps import add_stops, transitions_of
 from spacerobot_ros.estimation.trajectory.time_base import CHANNELS, measured_rows
 from spacerobot_ros.recording.record import Record
 
@@ -367,3 +367,21 @@ def test_transitions_are_those_of_any_linear_system(rng, n):
     np.testing.assert_allclose(
         transitions_of(durations, matrices[:, :3].copy()), expected, rtol=0, atol=1e-13
     )
+
+
+def test_a_stop_is_a_white_acceleration_by_which_momentum_is_kept(rng):
+    dt, sizes = 0.02, rng.uniform(0.5, 2.0, (3, JOINTS))
+    slopes = rng.standard_normal((2, 3, JOINTS))
+    noise = np.zeros((2, SIZE, SIZE))
+    add_stops(noise, np.full(2, dt), slopes, np.array([False, True]), sizes)
+    assert not noise[0].any()
+
+    def density(s):
+        own = np.diag(sizes[0]) / np.sqrt(dt)
+        answer = np.vstack([(dt - s) * slopes[1] @ own, (dt - s) * own, own])
+        return answer @ answer.T
+
+    turns = 3 + 2 * JOINTS
+    expected, _ = quad_vec(density, 0.0, dt)
+    np.testing.assert_allclose(noise[1, :turns, :turns], expected, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(noise[1, turns:, turns:], np.diag(sizes[1:].ravel() ** 2))
